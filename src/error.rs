@@ -1,0 +1,77 @@
+//! The one error type of the library: what failed, on which file or object, and what to do about it.
+
+use std::path::PathBuf;
+
+/// Result of every fallible operation of the library.
+pub type Result<T, E = Error> = std::result::Result<T, E>;
+
+/// Why an input, an option or a device could not serve.
+///
+/// Every message is one line that names the file and the object, and the remedy where there is one.
+#[derive(Debug, thiserror::Error)]
+pub enum Error {
+    /// A file could not be read or written.
+    #[error("{}: {source}", path.display())]
+    Io {
+        /// The file.
+        path: PathBuf,
+        /// What the operating system said.
+        source: std::io::Error,
+    },
+    /// A scene file is broken, or needs something that is not supported.
+    #[error("{}: {object}: {problem}", file.display())]
+    Scene {
+        /// The scene file.
+        file: PathBuf,
+        /// The object inside it, in glTF terms: `meshes[2].primitives[0].indices`.
+        object: String,
+        /// What is wrong with it and, where there is one, the remedy.
+        problem: String,
+    },
+    /// An image file is broken or of an unknown format.
+    #[error("{}: {problem}", path.display())]
+    Image {
+        /// The image file.
+        path: PathBuf,
+        /// What is wrong with it.
+        problem: String,
+    },
+    /// A name or number given as an option does not fit the scene or the device.
+    #[error("{0}")]
+    Option(String),
+    /// No Vulkan device that can serve was found.
+    #[error("{0}")]
+    NoDevice(String),
+    /// A Vulkan call failed.
+    #[error("Vulkan: {call} failed: {code}")]
+    Vulkan {
+        /// The call, by its name in the specification, and the object it was for.
+        call: String,
+        /// The result code.
+        code: ash::vk::Result,
+    },
+    /// Device memory could not be had.
+    #[error("device memory for {object}: {problem}")]
+    DeviceMemory {
+        /// The allocation's name.
+        object: String,
+        /// What the allocator said.
+        problem: String,
+    },
+    /// The user stopped the work.
+    #[error("interrupted")]
+    Interrupted,
+}
+
+impl Error {
+    /// An [`Error::Io`] for `path`; made to be handed to `map_err`.
+    pub fn io(path: impl Into<PathBuf>) -> impl FnOnce(std::io::Error) -> Self {
+        let path = path.into();
+        move |source| Self::Io { path, source }
+    }
+
+    /// An [`Error::Scene`].
+    pub fn scene(file: impl Into<PathBuf>, object: impl Into<String>, problem: impl Into<String>) -> Self {
+        Self::Scene { file: file.into(), object: object.into(), problem: problem.into() }
+    }
+}

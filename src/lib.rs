@@ -1,0 +1,5 @@
+//! Vertex tracing.
+
+pub mod constants;
+pub mod error;
+pub mod scene;

@@ -1,0 +1,1 @@
+//! Demo scenes made in code.

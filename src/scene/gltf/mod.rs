@@ -1,0 +1,1 @@
+//! Loads glTF 2.0 files.

@@ -1,0 +1,86 @@
+//! Punctual lights (KHR_lights_punctual) and the camera headlight.
+
+use glam::Vec3;
+
+/// A light without extent.
+#[derive(Debug, Clone)]
+pub struct Light {
+    /// Its name, or `light 3`.
+    pub name: String,
+    /// Shape of its emission.
+    pub kind: LightKind,
+    /// Colour × intensity, linear: W/sr-like (cd) for point and spot, irradiance (lx) for directional.
+    pub intensity: Vec3,
+}
+
+/// Shape of a light's emission, in world space relative to [`Scene::origin`](super::Scene::origin).
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub enum LightKind {
+    /// Equal in all directions.
+    Point {
+        /// Where it is.
+        position: Vec3,
+        /// Distance at which glTF's falloff window ends; infinite if the file gives none.
+        range: f32,
+    },
+    /// Parallel light from infinity.
+    Directional {
+        /// Unit direction that the light travels in.
+        direction: Vec3,
+    },
+    /// A cone.
+    Spot {
+        /// Where it is.
+        position: Vec3,
+        /// Unit direction of its axis, the way that the light travels.
+        direction: Vec3,
+        /// As for `Point`.
+        range: f32,
+        /// Cosine of the angle at which the falloff to the rim begins.
+        inner_cos: f32,
+        /// Cosine of the angle of the rim.
+        outer_cos: f32,
+    },
+}
+
+/// Light that arrives at a point, before any occluder.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Incident {
+    /// Unit direction to the light.
+    pub to_light: Vec3,
+    /// Distance to it; infinite for a directional light.
+    pub distance: f32,
+    /// Irradiance on a surface that faces the light.
+    pub irradiance: Vec3,
+}
+
+impl Light {
+    /// Light that arrives at `point`, unoccluded.
+    pub fn incident(&self, point: Vec3) -> Incident {
+        let from = |position: Vec3, range: f32| {
+            let to = position - point;
+            let squared = to.length_squared();
+            let distance = squared.sqrt();
+            // glTF: attenuation = clamp(1 - (d/range)^4, 0, 1) / d^2
+            let window = (1.0 - (distance / range).powi(4)).clamp(0.0, 1.0);
+            let falloff = if squared > 0.0 { window / squared } else { 0.0 };
+            (if distance > 0.0 { to / distance } else { Vec3::ZERO }, distance, falloff)
+        };
+        match self.kind {
+            LightKind::Point { position, range } => {
+                let (to_light, distance, falloff) = from(position, range);
+                Incident { to_light, distance, irradiance: self.intensity * falloff }
+            }
+            LightKind::Directional { direction } => {
+                Incident { to_light: -direction, distance: f32::INFINITY, irradiance: self.intensity }
+            }
+            LightKind::Spot { position, direction, range, inner_cos, outer_cos } => {
+                let (to_light, distance, falloff) = from(position, range);
+                // KHR_lights_punctual, "Inner and Outer Cone Angles"
+                let scale = 1.0 / (inner_cos - outer_cos).max(1e-3);
+                let cone = ((-to_light.dot(direction) - outer_cos) * scale).clamp(0.0, 1.0);
+                Incident { to_light, distance, irradiance: self.intensity * (falloff * cone * cone) }
+            }
+        }
+    }
+}
