@@ -10,7 +10,10 @@ pub mod gltf;
 pub mod light;
 pub mod material;
 pub mod mesh;
+pub mod patch;
+pub mod structure;
 pub mod texture;
+pub mod topology;
 
 pub use camera::{Camera, Projection, View};
 pub use light::{Light, LightKind};

@@ -1,0 +1,3 @@
+//! Adaptive refinement in object space (paper §3; design §6).
+
+pub mod mesh;
