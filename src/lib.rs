@@ -4,3 +4,4 @@ pub mod constants;
 pub mod error;
 pub mod scene;
 pub mod refine;
+pub mod trace;

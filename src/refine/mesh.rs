@@ -35,13 +35,13 @@ pub struct Vertex {
     pub point: u32,
     /// Ends of the edge it bisects; [`NONE`] for a vertex of the scene's mesh.
     pub parents: [u32; 2],
-    /// Object it belongs to.
-    pub object: u32,
-    /// Whether it is seen from behind the surface.
+    /// A face of the scene that it lies on.
+    pub base: u32,
+    /// Whether it is seen from behind, against its normals.
     pub back: bool,
     /// Shading normal, interpolated linearly and never renormalised, so that it is the base face's own.
     pub normal: Vec3,
-    /// Normal of the visible faces around it, not normalised.
+    /// Normal of the visible faces around it on the side of the shading normals, not normalised.
     pub geometric: Vec3,
     /// Both sets of texture coordinates.
     pub uv: [Vec2; 2],
@@ -119,7 +119,9 @@ impl Mesh {
         let mut point_ids = FxHashMap::default();
         let mut vertex_ids = FxHashMap::default();
         for &base in seeds {
-            let normal = geometry.area_normal(base);
+            let winding = geometry.area_normal(base);
+            let shading: Vec3 = geometry.faces[base as usize].map(|v| geometry.normals[v as usize]).iter().sum();
+            let normal = if winding.dot(shading) < 0.0 { -winding } else { winding };
             let back = normal.dot(view.direction_to(geometry.corners(base)[0])) > 0.0;
             let corners = geometry.faces[base as usize].map(|v| {
                 let id = *vertex_ids.entry((v, back)).or_insert_with(|| {
@@ -130,7 +132,7 @@ impl Mesh {
                     mesh.vertices.push(Vertex {
                         point,
                         parents: [NONE; 2],
-                        object: geometry.face_objects[base as usize],
+                        base,
                         back,
                         normal: geometry.normals[v as usize],
                         geometric: Vec3::ZERO,
@@ -339,7 +341,7 @@ impl Mesh {
         self.vertices.push(Vertex {
             point,
             parents,
-            object: a.object,
+            base: a.base,
             back: a.back,
             normal: (a.normal + b.normal) * 0.5,
             geometric: a.geometric.normalize_or_zero() + b.geometric.normalize_or_zero(),
