@@ -2,4 +2,7 @@
 
 pub mod constants;
 pub mod error;
+pub mod options;
+pub mod progress;
+pub mod report;
 pub mod scene;
