@@ -58,6 +58,9 @@ pub enum Error {
         /// What the allocator said.
         problem: String,
     },
+    /// Two images cannot be compared.
+    #[error("{0}")]
+    Compare(String),
     /// The user stopped the work.
     #[error("interrupted")]
     Interrupted,

@@ -2,6 +2,9 @@
 
 pub mod constants;
 pub mod error;
+pub mod options;
+pub mod progress;
+pub mod report;
 pub mod scene;
 pub mod refine;
 pub mod trace;

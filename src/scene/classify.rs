@@ -4,7 +4,7 @@ use super::{Scene, TextureSlot};
 use crate::error::{Error, Result};
 
 /// What decides over an object's class, beside its material.
-#[derive(Debug, Clone)]
+#[derive(Debug, Clone, PartialEq, serde::Serialize)]
 pub struct VtRules {
     /// Largest roughness of a specular object (0.1).
     pub roughness_threshold: f32,

@@ -1,0 +1,204 @@
+//! What a picture is asked to be, as valid values, whoever asks: command line, library user or test.
+
+mod choice;
+mod view;
+
+pub use choice::{
+    Choice, Equation, FilterMode, Mode, Msaa, Reconstruction, Shadows, Show, Ss, UnknownChoice, VisibilityWay,
+};
+pub use view::{CameraChoice, DEFAULT_FOV, ViewOptions};
+
+use std::{path::PathBuf, time::Duration};
+
+use glam::Vec3;
+use serde::Serialize;
+
+use crate::scene::classify::VtRules;
+
+/// Everything that `vtrace render` can be told about the image.
+#[derive(Debug, Clone, PartialEq, Default, Serialize)]
+pub struct Options {
+    /// Image size and camera.
+    #[serde(flatten)]
+    pub view: ViewOptions,
+    /// How the image is put together.
+    #[serde(flatten)]
+    pub method: MethodOptions,
+    /// How much is sampled.
+    #[serde(flatten)]
+    pub effort: EffortOptions,
+    /// How far paths are followed.
+    #[serde(flatten)]
+    pub paths: PathOptions,
+    /// How the scene is meant.
+    #[serde(flatten)]
+    pub scene: SceneOptions,
+    /// Which device draws, by name or index; `None` takes the best.
+    pub device: Option<String>,
+    /// Data to show in place of the image.
+    pub show: Option<Show>,
+    /// Leave no stage, pass or buffer out, even where the scene does not need it.
+    pub everything: bool,
+}
+
+/// Everything that `vtrace reference` can be told about the image.
+#[derive(Debug, Clone, PartialEq, Serialize)]
+pub struct ReferenceOptions {
+    /// Image size and camera.
+    #[serde(flatten)]
+    pub view: ViewOptions,
+    /// How far paths are followed.
+    #[serde(flatten)]
+    pub paths: PathOptions,
+    /// How the scene is meant.
+    #[serde(flatten)]
+    pub scene: SceneOptions,
+    /// Samples per pixel, at least 1.
+    pub spp: u32,
+}
+
+/// How the image is put together.
+#[derive(Debug, Clone, PartialEq, Serialize)]
+pub struct MethodOptions {
+    /// One pass or several.
+    pub mode: Mode,
+    /// How contributions combine.
+    pub equation: Equation,
+    /// What is interpolated.
+    pub reconstruction: Reconstruction,
+    /// Nodes of the sample tree that a leaf may own, 1..=[`MAX_NODES`]; for [`Reconstruction::Exact`].
+    pub nodes: u32,
+    /// How visible faces are found.
+    pub visibility: VisibilityWay,
+    /// Coverage samples a pixel.
+    pub msaa: Msaa,
+    /// Shaded samples a pixel.
+    pub ss: Ss,
+    /// Texture filter.
+    pub filter: FilterMode,
+}
+
+/// Most nodes that a leaf may own.
+pub const MAX_NODES: u32 = 32;
+
+impl Default for MethodOptions {
+    fn default() -> Self {
+        Self {
+            mode: Mode::default(),
+            equation: Equation::default(),
+            reconstruction: Reconstruction::default(),
+            nodes: 8,
+            visibility: VisibilityWay::default(),
+            msaa: Msaa::default(),
+            ss: Ss::default(),
+            filter: FilterMode::default(),
+        }
+    }
+}
+
+/// When refinement stops: at the first limit that is met.
+#[derive(Debug, Clone, PartialEq, Serialize)]
+pub struct EffortOptions {
+    /// Primary vertices only, no refinement step.
+    pub preview: bool,
+    /// Predicted RMS displacement of what is reflected, in pixels over VT pixels (design §6).
+    pub error: f32,
+    /// Most vertices to trace.
+    pub max_samples: Option<u64>,
+    /// Longest time for the frame; the one option whose image may differ from run to run.
+    #[serde(rename = "budget_ms", serialize_with = "milliseconds")]
+    pub budget: Option<Duration>,
+}
+
+impl Default for EffortOptions {
+    fn default() -> Self {
+        Self { preview: false, error: 0.5, max_samples: None, budget: None }
+    }
+}
+
+fn milliseconds<S: serde::Serializer>(value: &Option<Duration>, serializer: S) -> Result<S::Ok, S::Error> {
+    value.map(|duration| duration.as_secs_f64() * 1e3).serialize(serializer)
+}
+
+/// How far paths are followed.
+#[derive(Debug, Clone, PartialEq, Serialize)]
+pub struct PathOptions {
+    /// Most specular bounces.
+    pub depth: u32,
+    /// Branches with a largest throughput below this are dropped; `None` leaves it to
+    /// [`PathOptions::throughput_limit`].
+    pub min_throughput: Option<f32>,
+}
+
+impl Default for PathOptions {
+    fn default() -> Self {
+        Self { depth: 5, min_throughput: None }
+    }
+}
+
+impl PathOptions {
+    /// Throughput below which a branch is dropped in an image of `spp` samples per pixel: what was asked
+    /// for, else 0 from 64 samples on and 1/255 below (design §2).
+    pub fn throughput_limit(&self, spp: u32) -> f32 {
+        self.min_throughput.unwrap_or(if spp >= 64 { 0.0 } else { 1.0 / 255.0 })
+    }
+}
+
+/// How the scene is meant, beyond what its file says.
+#[derive(Debug, Clone, PartialEq, Default, Serialize)]
+pub struct SceneOptions {
+    /// Which surfaces receive shadows.
+    pub shadows: Shadows,
+    /// Whether metals reflect by Schlick's approximation instead of a constant k_r.
+    pub fresnel: bool,
+    /// Which objects are specular VT objects.
+    #[serde(flatten)]
+    pub vt: VtRules,
+    /// Linear radiance of a ray that leaves the scene; black if `None` and no environment is given.
+    pub background: Option<Vec3>,
+    /// Panorama (.hdr or .exr) that a ray meets that leaves the scene.
+    pub environment: Option<PathBuf>,
+    /// Most triangles that a file may have; `None` is the loader's own limit.
+    pub max_triangles: Option<u64>,
+    /// Most bytes that decoded textures may take; `None` is the loader's own limit.
+    pub max_texture_bytes: Option<u64>,
+}
+
+impl Options {
+    /// Checks that the options go together.
+    ///
+    /// # Errors
+    /// Why they do not, in terms of the command line.
+    pub fn check(&self) -> Result<(), String> {
+        if self.method.msaa == Msaa::Four && self.method.visibility == VisibilityWay::SinglePass {
+            return Err(
+                "--msaa 4 cannot be used with --visibility single-pass, whose primary-face codes the \
+                        resolve would average; take --visibility id-buffer"
+                    .into(),
+            );
+        }
+        let effort = &self.effort;
+        if effort.preview && (effort.max_samples.is_some() || effort.budget.is_some()) {
+            return Err(
+                "--preview takes no refinement step, so --max-samples and --budget do not apply".into()
+            );
+        }
+        self.scene.check()
+    }
+}
+
+impl SceneOptions {
+    /// Checks that the options go together.
+    ///
+    /// # Errors
+    /// Why they do not, in terms of the command line.
+    pub fn check(&self) -> Result<(), String> {
+        if self.background.is_some() && self.environment.is_some() {
+            return Err("--background cannot be used with --environment, which covers every direction".into());
+        }
+        match self.vt.force.iter().find(|name| self.vt.forbid.contains(name)) {
+            Some(name) => Err(format!("--vt {name} and --no-vt {name} contradict each other")),
+            None => Ok(()),
+        }
+    }
+}

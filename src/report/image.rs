@@ -1,0 +1,79 @@
+//! Linear float images, and reading them from files.
+
+use std::{io::Cursor, path::Path};
+
+use image::{DynamicImage, ImageFormat, ImageReader};
+
+use super::pfm;
+use crate::error::{Error, Result};
+
+/// An image of linear radiance, three channels, no alpha.
+#[derive(Debug, Clone, PartialEq)]
+pub struct FloatImage {
+    /// Pixels in a row.
+    pub width: u32,
+    /// Rows.
+    pub height: u32,
+    /// Linear RGB, row by row from the top: `width · height` pixels.
+    pub pixels: Vec<[f32; 3]>,
+}
+
+impl FloatImage {
+    /// An image whose pixel in column `x` of row `y` is `pixel(x, y)`.
+    pub fn from_fn(width: u32, height: u32, pixel: impl Fn(u32, u32) -> [f32; 3]) -> Self {
+        let pixels =
+            (0..height).flat_map(|y| (0..width).map(move |x| (x, y))).map(|(x, y)| pixel(x, y)).collect();
+        Self { width, height, pixels }
+    }
+
+    /// Reads a PNG, JPEG, HDR, EXR or PFM file, recognised by its content; alpha is dropped.
+    ///
+    /// Eight and sixteen bit files are decoded from sRGB, the others are linear already.
+    ///
+    /// # Errors
+    /// [`Error::Io`] if the file cannot be read, [`Error::Image`] if it is broken or none of the above.
+    pub fn read(path: &Path) -> Result<Self> {
+        let bytes = std::fs::read(path).map_err(Error::io(path))?;
+        if bytes.starts_with(b"PF") || bytes.starts_with(b"Pf") {
+            return pfm::decode(&bytes).map_err(|problem| Error::Image { path: path.into(), problem });
+        }
+        let broken = |problem: String| Error::Image { path: path.into(), problem };
+        let reader = ImageReader::new(Cursor::new(&bytes)).with_guessed_format().map_err(Error::io(path))?;
+        let Some(format @ (ImageFormat::Png | ImageFormat::Jpeg | ImageFormat::Hdr | ImageFormat::OpenExr)) =
+            reader.format()
+        else {
+            return Err(broken("not a PNG, JPEG, HDR, EXR or PFM image".into()));
+        };
+        let decoded = reader.decode().map_err(|error| broken(error.to_string()))?;
+        let linear = matches!(format, ImageFormat::Hdr | ImageFormat::OpenExr);
+        Ok(if linear { Self::from_linear(decoded) } else { Self::from_srgb(decoded) })
+    }
+
+    fn from_linear(decoded: DynamicImage) -> Self {
+        let rgb = decoded.into_rgb32f();
+        Self { width: rgb.width(), height: rgb.height(), pixels: rgb.pixels().map(|pixel| pixel.0).collect() }
+    }
+
+    fn from_srgb(decoded: DynamicImage) -> Self {
+        // Eight bits widen to sixteen without loss: v · 257.
+        let rgb = decoded.into_rgb16();
+        let pixels = rgb.pixels().map(|pixel| pixel.0.map(|v| srgb_decode(f32::from(v) / 65535.0))).collect();
+        Self { width: rgb.width(), height: rgb.height(), pixels }
+    }
+
+    /// One flag a pixel: whether its brightest channel, sRGB-encoded, is at least one half.
+    pub fn to_mask(&self) -> Vec<bool> {
+        let half = srgb_decode(0.5);
+        self.pixels.iter().map(|pixel| pixel.iter().any(|&v| v >= half)).collect()
+    }
+}
+
+/// The sRGB transfer function (IEC 61966-2-1): linear to encoded, for values in 0..=1.
+pub fn srgb_encode(linear: f32) -> f32 {
+    if linear <= 0.003_130_8 { 12.92 * linear } else { 1.055 * linear.powf(1.0 / 2.4) - 0.055 }
+}
+
+/// The inverse of [`srgb_encode`].
+pub fn srgb_decode(encoded: f32) -> f32 {
+    if encoded <= 0.040_45 { encoded / 12.92 } else { ((encoded + 0.055) / 1.055).powf(2.4) }
+}

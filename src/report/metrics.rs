@@ -1,0 +1,108 @@
+//! The difference between two images in numbers.
+
+use rayon::prelude::*;
+use serde::Serialize;
+
+use super::{FloatImage, flip, image::srgb_encode};
+use crate::error::{Error, Result};
+
+/// Which values are compared.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
+pub enum Encoding {
+    /// sRGB-encoded, as a display shows them.
+    #[default]
+    Srgb,
+    /// Linear.
+    Linear,
+}
+
+/// How far two images differ, over all compared pixels, their values clamped to 0..=1.
+#[derive(Debug, Clone, Copy, PartialEq, Serialize)]
+pub struct Comparison {
+    /// Root mean square difference over pixels and channels.
+    pub rmse: f64,
+    /// Peak signal-to-noise ratio in dB, −20 log₁₀ `rmse`; `None` for identical images.
+    pub psnr: Option<f64>,
+    /// Mean LDR-ꟻLIP, 0 (same) to 1; see [`flip`].
+    pub flip: f64,
+    /// 99th percentile over pixels of the largest channel difference, interpolated between ranks.
+    pub p99: f64,
+    /// Largest channel difference.
+    pub max: f64,
+    /// Fraction of pixels whose largest channel difference exceeds 0.1.
+    pub over_0_1: f64,
+}
+
+/// Compares `b` with the reference `a`, where `mask` is set or everywhere.
+///
+/// ꟻLIP looks at the whole images, since it models how the eye blurs them, and is averaged over the
+/// mask; it does not depend on `encoding`.
+///
+/// # Errors
+/// [`Error::Compare`] if the sizes differ, if no pixel is left to compare, or if a compared pixel is NaN.
+pub fn compare(
+    a: &FloatImage,
+    b: &FloatImage,
+    mask: Option<&[bool]>,
+    encoding: Encoding,
+) -> Result<Comparison> {
+    if (a.width, a.height) != (b.width, b.height) {
+        return Err(Error::Compare(format!(
+            "images differ in size: {}x{} and {}x{}",
+            a.width, a.height, b.width, b.height
+        )));
+    }
+    if let Some(mask) = mask.filter(|mask| mask.len() != a.pixels.len()) {
+        return Err(Error::Compare(format!(
+            "mask has {} pixels, the images {} ({}x{})",
+            mask.len(),
+            a.pixels.len(),
+            a.width,
+            a.height
+        )));
+    }
+    let chosen: Vec<usize> = (0..a.pixels.len()).filter(|&i| mask.is_none_or(|mask| mask[i])).collect();
+    if chosen.is_empty() {
+        return Err(Error::Compare("no pixel to compare: the mask is empty".into()));
+    }
+    for (which, image) in [("first", a), ("second", b)] {
+        if let Some(&i) = chosen.iter().find(|&&i| image.pixels[i].iter().any(|v| v.is_nan())) {
+            let (x, y) = (i % a.width as usize, i / a.width as usize);
+            return Err(Error::Compare(format!("pixel ({x}, {y}) of the {which} image is NaN")));
+        }
+    }
+
+    let encode = |v: f32| match encoding {
+        Encoding::Srgb => f64::from(srgb_encode(v.clamp(0.0, 1.0))),
+        Encoding::Linear => f64::from(v.clamp(0.0, 1.0)),
+    };
+    let differences: Vec<[f64; 3]> = chosen
+        .par_iter()
+        .map(|&i| std::array::from_fn(|c| (encode(a.pixels[i][c]) - encode(b.pixels[i][c])).abs()))
+        .collect();
+    // Summed in pixel order, so that the last digit does not depend on the number of threads.
+    let squares: f64 = differences.iter().flatten().map(|d| d * d).sum();
+    let rmse = (squares / (3 * chosen.len()) as f64).sqrt();
+    let mut largest: Vec<f64> = differences.iter().map(|d| d[0].max(d[1]).max(d[2])).collect();
+    largest.par_sort_unstable_by(f64::total_cmp);
+    let over = largest.len() - largest.partition_point(|&d| d <= 0.1);
+
+    let map = flip::error_map(a, b);
+    let flip = chosen.iter().map(|&i| f64::from(map[i])).sum::<f64>() / chosen.len() as f64;
+    Ok(Comparison {
+        rmse,
+        psnr: (rmse > 0.0).then(|| -20.0 * rmse.log10()),
+        flip,
+        p99: quantile(&largest, 0.99),
+        max: largest[largest.len() - 1],
+        over_0_1: over as f64 / largest.len() as f64,
+    })
+}
+
+/// Linear interpolation between the two nearest ranks of `sorted`, which is not empty.
+fn quantile(sorted: &[f64], q: f64) -> f64 {
+    let rank = q * (sorted.len() - 1) as f64;
+    let low = sorted[rank.floor() as usize];
+    let high = sorted[rank.ceil() as usize];
+    low + (high - low) * rank.fract()
+}

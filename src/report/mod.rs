@@ -1,0 +1,12 @@
+//! What came out: images, their difference, and what the frame did.
+
+pub mod flip;
+pub mod image;
+pub mod metrics;
+pub mod output;
+mod pfm;
+pub mod stats;
+
+pub use image::FloatImage;
+pub use metrics::{Comparison, Encoding, compare};
+pub use stats::Stats;

@@ -1,0 +1,131 @@
+//! Writing images and reports: whole files or none.
+
+use std::{
+    fs::Permissions,
+    io::{Cursor, Write},
+    path::Path,
+};
+
+use image::{ExtendedColorType, ImageFormat};
+
+use super::{FloatImage, image::srgb_encode, pfm};
+use crate::error::{Error, Result};
+
+/// Formats that an image can be written in.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Format {
+    /// Eight bits a channel, sRGB-encoded.
+    Png,
+    /// 32-bit floats, linear.
+    Exr,
+    /// 32-bit floats, linear, rows from the bottom up.
+    Pfm,
+}
+
+impl Format {
+    /// The format that the extension of `path` names, in lower or upper case.
+    ///
+    /// # Errors
+    /// [`Error::Image`] that names the known extensions.
+    pub fn of(path: &Path) -> Result<Self> {
+        let extension = path.extension().map(|extension| extension.to_string_lossy().to_lowercase());
+        match extension.as_deref() {
+            Some("png") => Ok(Self::Png),
+            Some("exr") => Ok(Self::Exr),
+            Some("pfm") => Ok(Self::Pfm),
+            Some(other) => Err(unknown(path, &format!("images are not written as .{other}"))),
+            None => Err(unknown(path, "no extension says which image format to write")),
+        }
+    }
+}
+
+fn unknown(path: &Path, problem: &str) -> Error {
+    Error::Image { path: path.into(), problem: format!("{problem}; name a .png, .exr or .pfm file") }
+}
+
+/// Writes `image` in the format that the extension of `path` names.
+///
+/// PNG is scaled by 2^`exposure`, clamped and sRGB-encoded; EXR and PFM hold the values untouched.
+///
+/// # Errors
+/// [`Error::Image`] for an unknown extension, [`Error::Io`] if the file cannot be written; then nothing
+/// is left behind, and a file that was there before is still there.
+pub fn write_image(path: &Path, image: &FloatImage, exposure: f32) -> Result<()> {
+    let bytes = match Format::of(path)? {
+        Format::Png => {
+            let rgb: Vec<u8> = image.pixels.iter().flatten().map(|&v| to_byte(v * exposure.exp2())).collect();
+            encode(path, &rgb, image, ExtendedColorType::Rgb8, ImageFormat::Png)?
+        }
+        Format::Exr => {
+            let rgb = bytemuck::cast_slice(image.pixels.as_flattened());
+            encode(path, rgb, image, ExtendedColorType::Rgb32F, ImageFormat::OpenExr)?
+        }
+        Format::Pfm => pfm::encode(image),
+    };
+    write_file(path, &bytes)
+}
+
+/// A linear value as an sRGB byte; NaN is black.
+fn to_byte(linear: f32) -> u8 {
+    (srgb_encode(linear.clamp(0.0, 1.0)) * 255.0).round() as u8
+}
+
+fn encode(
+    path: &Path,
+    bytes: &[u8],
+    image: &FloatImage,
+    color: ExtendedColorType,
+    format: ImageFormat,
+) -> Result<Vec<u8>> {
+    let mut file = Cursor::new(Vec::new());
+    image::write_buffer_with_format(&mut file, bytes, image.width, image.height, color, format)
+        .map_err(|error| Error::Image { path: path.into(), problem: error.to_string() })?;
+    Ok(file.into_inner())
+}
+
+/// Writes `bytes` beside `path` and renames: the file appears whole or not at all.
+///
+/// # Errors
+/// [`Error::Io`]; then nothing is left behind.
+pub fn write_file(path: &Path, bytes: &[u8]) -> Result<()> {
+    let mut file = temporary(path)?;
+    file.write_all(bytes).map_err(Error::io(path))?;
+    file.persist(path).map_err(|error| Error::Io { path: path.into(), source: error.error })?;
+    Ok(())
+}
+
+/// Checks that a file can be written at `path`, before the work that fills it.
+///
+/// # Errors
+/// [`Error::Io`] if `path` is a folder, or if its folder is absent or cannot be written to.
+pub fn check_writable(path: &Path) -> Result<()> {
+    if path.is_dir() {
+        let source = std::io::Error::new(std::io::ErrorKind::IsADirectory, "is a folder; name a file in it");
+        return Err(Error::Io { path: path.into(), source });
+    }
+    temporary(path).map(drop)
+}
+
+/// An empty file in the folder of `path` that vanishes when dropped.
+fn temporary(path: &Path) -> Result<tempfile::NamedTempFile> {
+    let folder = match path.parent() {
+        Some(parent) if !parent.as_os_str().is_empty() => parent,
+        _ => Path::new("."),
+    };
+    let mut builder = tempfile::Builder::new();
+    builder.prefix(".vtrace-").suffix(".part");
+    #[cfg(unix)] // as any new file, by the umask; tempfile's own choice is 0600
+    builder.permissions(<Permissions as std::os::unix::fs::PermissionsExt>::from_mode(0o666));
+    builder.tempfile_in(folder).map_err(|error| {
+        // tempfile adds the temporary name to its message: only the cause helps here.
+        let kind = error.kind();
+        let cause = match kind {
+            std::io::ErrorKind::NotFound => {
+                format!("folder {} does not exist; create it first", folder.display())
+            }
+            std::io::ErrorKind::NotADirectory => format!("{} is not a folder", folder.display()),
+            _ => format!("cannot write to folder {}: {kind}", folder.display()),
+        };
+        Error::Io { path: path.into(), source: std::io::Error::new(kind, cause) }
+    })
+}
