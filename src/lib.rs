@@ -3,3 +3,4 @@
 pub mod constants;
 pub mod error;
 pub mod scene;
+pub mod trace;
