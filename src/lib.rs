@@ -6,5 +6,4 @@ pub mod options;
 pub mod progress;
 pub mod report;
 pub mod scene;
-pub mod refine;
 pub mod trace;

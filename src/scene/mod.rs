@@ -44,7 +44,7 @@ pub struct Scene {
     pub textures: Vec<Texture>,
     /// Decoded images that textures refer to.
     pub images: Vec<Image>,
-    /// Punctual lights. Empty if the file has none: see [`Scene::light_for`].
+    /// Punctual lights. Empty if the file has none, until [`Scene::add_default_lights`].
     pub lights: Vec<Light>,
     /// Cameras of the file, in node order.
     pub cameras: Vec<Camera>,

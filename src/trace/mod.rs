@@ -4,7 +4,6 @@
 pub mod bvh;
 pub mod optics;
 pub mod reference;
-pub mod sample;
 pub mod shade;
 pub mod surface;
 pub mod texel;
