@@ -35,8 +35,9 @@ shared_constants! {
     /// Largest magnitude that an RGBA16F target holds without overflow to infinity.
     MAX_RADIANCE: f32 = 65504.0;
 
-    /// Texels in a row of the scene table and of the node table; a power of two.
-    TABLE_WIDTH: u32 = 1024;
+    /// Array textures that a scene's textures are packed into; with the environment's, fewer than the 16
+    /// samplers that every Vulkan device has.
+    MAX_BANK_ARRAYS: u32 = 12;
     /// A texture reference that means white.
     NO_TEXTURE: u32 = 0xffff_ffff;
     /// Texel of a material at which its texture slots' transforms begin, two texels a slot.
