@@ -2,4 +2,5 @@
 
 pub mod constants;
 pub mod error;
+pub mod gpu;
 pub mod scene;
