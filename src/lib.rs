@@ -4,3 +4,4 @@ pub mod constants;
 pub mod error;
 pub mod gpu;
 pub mod scene;
+pub mod visibility;

@@ -141,8 +141,8 @@ impl SetLayout {
             layout: layout.clone(),
             pool,
             handle: vk::DescriptorSet::null(),
-            _buffers: Vec::new(),
-            _images: Vec::new(),
+            held_buffers: Vec::new(),
+            held_images: Vec::new(),
         };
         gpu.name(pool, name);
         let layouts = [layout.handle];
@@ -186,8 +186,8 @@ pub(super) struct RawSet {
     layout: Arc<RawLayout>,
     pool: vk::DescriptorPool,
     pub(super) handle: vk::DescriptorSet,
-    _buffers: Vec<Arc<RawBuffer>>,
-    _images: Vec<Arc<RawImage>>,
+    held_buffers: Vec<Arc<RawBuffer>>,
+    held_images: Vec<Arc<RawImage>>,
 }
 
 impl RawSet {
@@ -213,7 +213,7 @@ impl RawSet {
                     });
                 }
                 let infos = [vk::DescriptorBufferInfo::default().buffer(buffer.raw.handle).range(vk::WHOLE_SIZE)];
-                self._buffers.push(buffer.raw.clone());
+                self.held_buffers.push(buffer.raw.clone());
                 // SAFETY: a fresh set, used by no command yet; the buffer is kept alive by it.
                 unsafe { gpu.device.update_descriptor_sets(&[write.buffer_info(&infos)], &[]) };
             }
@@ -227,7 +227,7 @@ impl RawSet {
                             .sampler(gpu.sampler(*sampler)?)
                             .image_layout(super::Access::ShaderRead.layout()),
                     );
-                    self._images.push(image.raw.clone());
+                    self.held_images.push(image.raw.clone());
                 }
                 // SAFETY: as above, for the images; samplers live as long as the device.
                 unsafe { gpu.device.update_descriptor_sets(&[write.image_info(&infos)], &[]) };

@@ -299,6 +299,9 @@ impl Gpu {
 
     /// Waits until the timeline reaches `value`.
     pub(super) fn wait(&self, value: u64, name: &str) -> Result<()> {
+        if value == 0 {
+            return Ok(()); // never submitted
+        }
         let (semaphores, values) = ([self.timeline], [value]);
         let info = vk::SemaphoreWaitInfo::default().semaphores(&semaphores).values(&values);
         // SAFETY: a live timeline semaphore, which a submission made before will signal.

@@ -172,7 +172,6 @@ pub(super) struct RawImage {
     pub(super) height: u32,
     pub(super) layers: u32,
     pub(super) mips: u32,
-    pub(super) samples: u32,
     allocation: Option<Allocation>,
     /// Last use recorded, an [`Access`].
     access: AtomicU8,
@@ -209,7 +208,6 @@ impl RawImage {
             height: desc.height,
             layers: desc.layers,
             mips: desc.mips,
-            samples: desc.samples,
             allocation: None,
             access: AtomicU8::new(Access::Undefined as u8),
         };
