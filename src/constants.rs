@@ -32,6 +32,12 @@ shared_constants! {
     DEFAULT_AMBIENT: f32 = 0.3;
     /// Phong exponents above this are a point-like highlight that f32 cannot hold.
     MAX_PHONG_EXPONENT: f32 = 1e6;
+    /// Alpha of the ID buffer where no face needs samples: background and plain occluders.
+    CODE_NONE: u32 = 0;
+    /// Alpha of the ID buffer on diffuse faces that need samples for their shadows alone.
+    CODE_SHADOW: u32 = 128;
+    /// Alpha of the ID buffer on faces of specular VT objects (paper §3.1: the primary-face code).
+    CODE_VT: u32 = 255;
     /// Largest magnitude that an RGBA16F target holds without overflow to infinity.
     MAX_RADIANCE: f32 = 65504.0;
 
