@@ -14,14 +14,14 @@ layout(constant_id = 4) const bool EQUATION_FOUR = false;
 layout(set = 1, binding = 2) uniform usamplerBuffer node_table;
 layout(set = 0, binding = 3) uniform sampler2DArray environment;
 
-layout(location = 0) in vec3 position;
-layout(location = 1) in vec3 normal;
-layout(location = 2) in vec4 uv;
-layout(location = 3) in vec3 weights;
-layout(location = 4) in vec4 color;
-layout(location = 5) in vec4 tangent;
-layout(location = 6) in vec3 comb_reflected;
-layout(location = 7) in vec3 comb_transmitted;
+layout(location = 0) centroid in vec3 position;
+layout(location = 1) centroid in vec3 normal;
+layout(location = 2) centroid in vec4 uv;
+layout(location = 3) centroid in vec3 weights;
+layout(location = 4) centroid in vec4 color;
+layout(location = 5) centroid in vec4 tangent;
+layout(location = 6) centroid in vec3 comb_reflected;
+layout(location = 7) centroid in vec3 comb_transmitted;
 layout(location = 8) flat in uvec4 header;
 layout(location = 9) flat in vec3 facet;
 

@@ -2,8 +2,10 @@
 
 pub mod constants;
 pub mod error;
+pub mod frame;
 pub mod gpu;
 pub mod options;
+pub mod plan;
 pub mod progress;
 pub mod reconstruct;
 pub mod refine;

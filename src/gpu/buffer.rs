@@ -54,6 +54,7 @@ impl DeviceBuffer {
             | vk::BufferUsageFlags::INDEX_BUFFER
             | vk::BufferUsageFlags::UNIFORM_BUFFER
             | vk::BufferUsageFlags::STORAGE_BUFFER
+            | vk::BufferUsageFlags::UNIFORM_TEXEL_BUFFER
             | vk::BufferUsageFlags::INDIRECT_BUFFER
             | vk::BufferUsageFlags::TRANSFER_SRC
             | vk::BufferUsageFlags::TRANSFER_DST;
@@ -185,7 +186,7 @@ unsafe impl Sync for Memory {}
 impl RawBuffer {
     fn new(gpu: &Arc<Gpu>, name: &str, size: u64, usage: vk::BufferUsageFlags) -> Result<Self> {
         // Empty scenes have empty arrays; Vulkan has no empty buffers.
-        let size = size.next_multiple_of(4).max(4);
+        let size = size.next_multiple_of(4).max(16);
         let info = vk::BufferCreateInfo::default().size(size).usage(usage);
         // SAFETY: a live device; `info` is complete.
         let handle = gpu

@@ -77,6 +77,8 @@ pub enum Blend {
     Replace,
     /// It is added to it, alpha too.
     Add,
+    /// It covers it by its alpha.
+    Over,
 }
 
 /// Depth test against a reversed-Z target, in which nearer is greater.
@@ -398,11 +400,15 @@ fn vertex_layout(
 }
 
 fn blend(blend: Blend) -> vk::PipelineColorBlendAttachmentState {
+    let (source, target) = match blend {
+        Blend::Replace | Blend::Add => (vk::BlendFactor::ONE, vk::BlendFactor::ONE),
+        Blend::Over => (vk::BlendFactor::SRC_ALPHA, vk::BlendFactor::ONE_MINUS_SRC_ALPHA),
+    };
     vk::PipelineColorBlendAttachmentState::default()
         .color_write_mask(vk::ColorComponentFlags::RGBA)
-        .blend_enable(blend == Blend::Add)
-        .src_color_blend_factor(vk::BlendFactor::ONE)
-        .dst_color_blend_factor(vk::BlendFactor::ONE)
+        .blend_enable(blend != Blend::Replace)
+        .src_color_blend_factor(source)
+        .dst_color_blend_factor(target)
         .color_blend_op(vk::BlendOp::ADD)
         .src_alpha_blend_factor(vk::BlendFactor::ONE)
         .dst_alpha_blend_factor(vk::BlendFactor::ONE)

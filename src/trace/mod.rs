@@ -11,6 +11,8 @@ pub mod texel;
 
 use std::ops::AddAssign;
 
+use crate::options::Shadows;
+
 pub use bvh::{Hit, Tracer};
 pub use surface::{Appearance, Surface};
 
@@ -30,30 +32,6 @@ pub struct Settings {
 impl Default for Settings {
     fn default() -> Self {
         Self { depth: 5, min_throughput: 1.0 / 255.0, shadows: Shadows::All, fresnel: false }
-    }
-}
-
-/// Which surfaces ask whether a light is hidden.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Hash, Default)]
-pub enum Shadows {
-    /// All.
-    #[default]
-    All,
-    /// Specular objects, and what they reflect or transmit.
-    Vt,
-    /// None: every light is visible from everywhere.
-    None,
-}
-
-impl Shadows {
-    /// Whether a surface asks; `vt` says that it belongs to a VT object, `bounces` how many specular
-    /// bounces lead to it from the eye.
-    pub fn apply(self, vt: bool, bounces: u32) -> bool {
-        match self {
-            Self::All => true,
-            Self::Vt => vt || bounces > 0,
-            Self::None => false,
-        }
     }
 }
 
