@@ -465,7 +465,7 @@ fn small_faces_are_found_by_the_ring() {
     let visible = pass.run(&coarse).unwrap().faces.visible.clone();
     let ring = adjacency.one_ring(&scene, &classes, &coarse, &visible);
     assert!(ring.is_sorted() && visible.iter().all(|face| ring.binary_search(face).is_ok()));
-    // Everything that a hundred times the pixels show is in the ring, though the small image missed some.
+    // Everything that a hundred times the pixels show is marked, though the small image missed some.
     let fine = pass.run(&view(&scene, 640, 480)).unwrap().faces.visible.clone();
     assert!(fine.len() > visible.len());
     let missed: Vec<_> = fine.iter().filter(|face| ring.binary_search(face).is_err()).collect();
