@@ -183,7 +183,8 @@ mod tests {
     #[test]
     fn discarding_still_waits() {
         let (before, after) = (Access::TransferRead, Access::ColorTarget);
-        let barrier = image_barrier(vk::Image::null(), vk::ImageAspectFlags::COLOR, (0, 1), (before, after), true);
+        let barrier =
+            image_barrier(vk::Image::null(), vk::ImageAspectFlags::COLOR, (0, 1), (before, after), true);
         assert_eq!(barrier.old_layout, vk::ImageLayout::UNDEFINED);
         assert_eq!(barrier.src_stage_mask, vk::PipelineStageFlags2::ALL_TRANSFER);
     }

@@ -15,11 +15,7 @@ use ash::vk;
 use bytemuck::Pod;
 use gpu_allocator::{MemoryLocation, vulkan::Allocation};
 
-use super::{
-    Access, Gpu, ReadbackChoice, ReadbackMemory,
-    device::out_of_memory,
-    memory::atom_range,
-};
+use super::{Access, Gpu, ReadbackChoice, ReadbackMemory, device::out_of_memory, memory::atom_range};
 use crate::error::Result;
 
 /// A buffer that only the device reaches. Clones share it.
@@ -100,7 +96,9 @@ impl UploadBuffer {
         if let Some(mapped) = self.raw.mapped() {
             // SAFETY: in bounds (asserted), mapped for the buffer's life; `&mut self` is the only handle to
             // the mapping and the device is done with it (waited).
-            unsafe { mapped.as_ptr().add(offset as usize).copy_from_nonoverlapping(bytes.as_ptr(), bytes.len()) };
+            unsafe {
+                mapped.as_ptr().add(offset as usize).copy_from_nonoverlapping(bytes.as_ptr(), bytes.len())
+            };
         }
         Ok(())
     }
@@ -174,7 +172,11 @@ enum Memory {
     None,
     Shared(Allocation),
     /// Of its own, mapped: gpu-allocator knows no non-coherent memory.
-    Own { memory: vk::DeviceMemory, mapped: Option<NonNull<u8>>, size: u64 },
+    Own {
+        memory: vk::DeviceMemory,
+        mapped: Option<NonNull<u8>>,
+        size: u64,
+    },
 }
 
 // SAFETY: the pointer is to memory that belongs to the buffer and moves with it; reads and writes through it
@@ -227,7 +229,8 @@ impl RawBuffer {
     fn allocate_readback(&mut self, choice: ReadbackChoice) -> Result<ReadbackMemory> {
         let requirements = self.requirements();
         let (index, kind) = choice.resolve(&self.gpu, requirements.memory_type_bits, &self.name)?;
-        let info = vk::MemoryAllocateInfo::default().allocation_size(requirements.size).memory_type_index(index);
+        let info =
+            vk::MemoryAllocateInfo::default().allocation_size(requirements.size).memory_type_index(index);
         // SAFETY: the type exists; the memory is freed with the buffer.
         let memory = self
             .gpu

@@ -66,9 +66,13 @@ pub(super) fn choose(instance: &Instance, wanted: Option<&str>) -> Result<Candid
 }
 
 fn pick(infos: &[&DeviceInfo], wanted: Option<&str>) -> Result<usize> {
-    let list = |entry: fn(&DeviceInfo) -> String| infos.iter().map(|info| entry(info)).collect::<Vec<_>>().join("; ");
+    let list = |entry: fn(&DeviceInfo) -> String| {
+        infos.iter().map(|info| entry(info)).collect::<Vec<_>>().join("; ")
+    };
     if infos.is_empty() {
-        return Err(Error::NoDevice(format!("no Vulkan device; install a software one with `{INSTALL_DRIVER}`")));
+        return Err(Error::NoDevice(format!(
+            "no Vulkan device; install a software one with `{INSTALL_DRIVER}`"
+        )));
     }
     if let Some(wanted) = wanted {
         let named = |info: &DeviceInfo| info.name.to_lowercase().contains(&wanted.to_lowercase());
@@ -87,8 +91,12 @@ fn pick(infos: &[&DeviceInfo], wanted: Option<&str>) -> Result<usize> {
     }
     let usable = (0..infos.len()).filter(|&index| infos[index].usable.is_ok());
     usable.min_by_key(|&index| (infos[index].kind, index)).ok_or_else(|| {
-        let reasons = list(|info| format!("{}: {}", info.name, info.usable.as_ref().err().cloned().unwrap_or_default()));
-        Error::NoDevice(format!("no Vulkan device can serve ({reasons}); install a software one with `{INSTALL_DRIVER}`"))
+        let reasons = list(|info| {
+            format!("{}: {}", info.name, info.usable.as_ref().err().cloned().unwrap_or_default())
+        });
+        Error::NoDevice(format!(
+            "no Vulkan device can serve ({reasons}); install a software one with `{INSTALL_DRIVER}`"
+        ))
     })
 }
 
@@ -118,7 +126,9 @@ fn inspect(instance: &Instance, index: usize, handle: vk::PhysicalDevice) -> Can
             instance.handle.get_physical_device_features2(handle, &mut features2);
         }
         features = features2.features;
-        let text = |text: Result<&CStr, _>| text.map_or(String::new(), |text: &CStr| text.to_string_lossy().into_owned());
+        let text = |text: Result<&CStr, _>| {
+            text.map_or(String::new(), |text: &CStr| text.to_string_lossy().into_owned())
+        };
         driver = format!(
             "{} {}",
             text(driver_properties.driver_name_as_c_str()),
@@ -139,7 +149,9 @@ fn inspect(instance: &Instance, index: usize, handle: vk::PhysicalDevice) -> Can
         handle,
         info: DeviceInfo {
             index,
-            name: properties.device_name_as_c_str().map_or("?".into(), |name| name.to_string_lossy().into_owned()),
+            name: properties
+                .device_name_as_c_str()
+                .map_or("?".into(), |name| name.to_string_lossy().into_owned()),
             driver: driver.trim().into(),
             kind: kind(properties.device_type),
             api_version: version_parts(properties.api_version),

@@ -164,10 +164,16 @@ impl SetLayout {
         gpu.name(set.handle, name);
         for (number, binding) in (0..).zip(&layout.bindings) {
             let found = resources.iter().find(|(name, _)| *name == binding.name);
-            let (_, resource) = found.unwrap_or_else(|| panic!("{name}: binding {} is not written", binding.name));
+            let (_, resource) =
+                found.unwrap_or_else(|| panic!("{name}: binding {} is not written", binding.name));
             set.write(number, binding, resource)?;
         }
-        assert_eq!(resources.len(), layout.bindings.len(), "{name}: a resource without a binding in {}", layout.name);
+        assert_eq!(
+            resources.len(),
+            layout.bindings.len(),
+            "{name}: a resource without a binding in {}",
+            layout.name
+        );
         Ok(DescriptorSet { raw: Arc::new(set) })
     }
 }
@@ -223,7 +229,8 @@ impl RawSet {
                         ),
                     });
                 }
-                let infos = [vk::DescriptorBufferInfo::default().buffer(buffer.raw.handle).range(vk::WHOLE_SIZE)];
+                let infos =
+                    [vk::DescriptorBufferInfo::default().buffer(buffer.raw.handle).range(vk::WHOLE_SIZE)];
                 self.held_buffers.push(buffer.raw.clone());
                 // SAFETY: a fresh set, used by no command yet; the buffer is kept alive by it.
                 unsafe { gpu.device.update_descriptor_sets(&[write.buffer_info(&infos)], &[]) };

@@ -33,8 +33,8 @@ pub use image::{Format, Image, ImageDesc, ImageUse};
 pub use instance::Messages;
 pub use memory::{ReadbackChoice, ReadbackMemory};
 pub use pipeline::{
-    Blend, ComputePipeline, Cull, DepthMode, GraphicsDesc, GraphicsPipeline, Shader, StencilMode, VertexBuffer,
-    VertexFormat,
+    Blend, ComputePipeline, Cull, DepthMode, GraphicsDesc, GraphicsPipeline, Shader, StencilMode,
+    VertexBuffer, VertexFormat,
 };
 pub use sampler::{AddressMode, SamplerDesc, TexelFilter};
 pub use staging::{ReadbackRing, Uploads};

@@ -5,18 +5,13 @@ use std::{sync::Arc, time::Instant};
 use bytemuck::{Pod, Zeroable};
 use glam::{Mat4, Vec3};
 
-use super::{
-    Class, DrawList, IdImage, VisibleFaces,
-    draw_list::Batch,
-    mask,
-    scan::Scanner,
-};
+use super::{Class, DrawList, IdImage, VisibleFaces, draw_list::Batch, mask, scan::Scanner};
 use crate::{
     error::Result,
     gpu::{
-        Binding, Blend, ColorTarget, Commands, Cull, DepthTarget, DescriptorSet, Draws, Format, Gpu, GraphicsDesc,
-        GraphicsPipeline, Image, ImageDesc, ReadbackBuffer, ReadbackChoice, ReadbackMemory, Recording, Resource,
-        SetLayout, Targets, Uploads,
+        Binding, Blend, ColorTarget, Commands, Cull, DepthTarget, DescriptorSet, Draws, Format, Gpu,
+        GraphicsDesc, GraphicsPipeline, Image, ImageDesc, ReadbackBuffer, ReadbackChoice, ReadbackMemory,
+        Recording, Resource, SetLayout, Targets, Uploads,
     },
     scene::{AlphaMode, Scene, View},
     spirv,
@@ -115,10 +110,16 @@ impl Pass {
         let face_set = face_layout.set(
             "ID buffer faces",
             &[
-                ("positions", Resource::Buffer(&uploads.buffer("ID buffer positions", &scene.geometry.positions)?)),
+                (
+                    "positions",
+                    Resource::Buffer(&uploads.buffer("ID buffer positions", &scene.geometry.positions)?),
+                ),
                 ("faces", Resource::Buffer(&uploads.buffer("ID buffer faces", &scene.geometry.faces)?)),
                 ("entries", Resource::Buffer(&uploads.buffer("ID buffer entries", &list.entries)?)),
-                ("mask_vertices", Resource::Buffer(&uploads.buffer("ID buffer mask vertices", &mask_vertices)?)),
+                (
+                    "mask_vertices",
+                    Resource::Buffer(&uploads.buffer("ID buffer mask vertices", &mask_vertices)?),
+                ),
             ],
         )?;
         let mask_layout = SetLayout::new(gpu, "ID buffer mask", &MASK_BINDINGS)?;
@@ -134,7 +135,9 @@ impl Pass {
             let mask = match batch.mask {
                 None => None,
                 Some(material) => {
-                    let AlphaMode::Mask(cutoff) = scene.materials[material as usize].alpha_mode else { continue };
+                    let AlphaMode::Mask(cutoff) = scene.materials[material as usize].alpha_mode else {
+                        continue;
+                    };
                     Some((mask::set(gpu, &mut uploads, scene, &mask_layout, material)?, cutoff))
                 }
             };
@@ -203,7 +206,8 @@ impl Pass {
         let visibility = device("id buffer").min(total);
         let visible = &self.faces.visible;
         let visible_in = |range: &std::ops::Range<u32>| {
-            visible.partition_point(|&face| face < range.end) - visible.partition_point(|&face| face < range.start)
+            visible.partition_point(|&face| face < range.end)
+                - visible.partition_point(|&face| face < range.start)
         };
         Ok(Visibility {
             visible_vt: self.vt_faces.iter().map(visible_in).sum(),
@@ -230,7 +234,8 @@ impl Target {
             Some(target) => target,
             None => {
                 let ids = Image::new(gpu, &ImageDesc::target("ID buffer", Format::Rgba8, width, height))?;
-                let depth = Image::new(gpu, &ImageDesc::target("ID buffer depth", Format::Depth32f, width, height))?;
+                let depth =
+                    Image::new(gpu, &ImageDesc::target("ID buffer depth", Format::Depth32f, width, height))?;
                 let staging = ReadbackBuffer::new(gpu, "ID buffer staging", ids.bytes(), readback)?;
                 Self { ids, depth, staging }
             }

@@ -43,7 +43,13 @@ pub fn vertices(scene: &Scene) -> Vec<MaskVertex> {
 ///
 /// # Errors
 /// No memory left, or a texture larger than the device allows.
-pub fn set(gpu: &Arc<Gpu>, uploads: &mut Uploads, scene: &Scene, layout: &SetLayout, material: u32) -> Result<DescriptorSet> {
+pub fn set(
+    gpu: &Arc<Gpu>,
+    uploads: &mut Uploads,
+    scene: &Scene,
+    layout: &SetLayout,
+    material: u32,
+) -> Result<DescriptorSet> {
     let material = &scene.materials[material as usize];
     let name = format!("alpha of {}", material.name);
     let (alpha, size, sampler) = match material.base_color_texture {

@@ -12,5 +12,6 @@ pub mod scan;
 
 pub use draw_list::{Class, DrawList, classes};
 pub use id_buffer::{Pass, Times, Visibility};
+pub use mask::MaskVertex;
 pub use ring::Adjacency;
 pub use scan::{IdImage, VisibleFaces};

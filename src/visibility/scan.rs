@@ -91,7 +91,9 @@ impl Scanner {
             .map(|count| std::mem::take(count.get_mut()))
             .collect_into_vec(&mut result.pixels_per_face);
         result.visible.clear();
-        result.visible.extend((0..).zip(&result.pixels_per_face).filter(|(_, count)| **count > 0).map(|(face, _)| face));
+        result.visible.extend(
+            (0..).zip(&result.pixels_per_face).filter(|(_, count)| **count > 0).map(|(face, _)| face),
+        );
     }
 }
 
@@ -141,7 +143,8 @@ mod tests {
                 _ => result.shadow_pixels += 1,
             }
         }
-        result.visible = (0..faces as u32).filter(|&face| result.pixels_per_face[face as usize] > 0).collect();
+        result.visible =
+            (0..faces as u32).filter(|&face| result.pixels_per_face[face as usize] > 0).collect();
         result
     }
 
