@@ -1,8 +1,9 @@
 //! Vertex tracing.
 
+#[cfg(feature = "cli")]
+pub mod cli;
 pub mod constants;
 pub mod error;
 pub mod options;
-pub mod progress;
 pub mod report;
 pub mod scene;

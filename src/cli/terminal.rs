@@ -1,0 +1,52 @@
+//! What the terminal shows: results, messages, progress, and the ways a run can end early.
+
+use std::{
+    fmt::Display,
+    io::{self, Write},
+    panic,
+    sync::Once,
+};
+
+use crate::error::{Error, Result};
+
+/// Routes log messages and panics to stderr, one line each.
+pub fn prepare() {
+    env_logger::Builder::from_env(env_logger::Env::default().default_filter_or("warn"))
+        .format(|out, record| writeln!(out, "{}: {}", record.level().as_str().to_lowercase(), record.args()))
+        .init();
+    panic::set_hook(Box::new(|info| {
+        static FIRST: Once = Once::new();
+        FIRST.call_once(|| {
+            let place = info.location().map_or(String::new(), |place| format!(" at {place}"));
+            let payload = info.payload();
+            let message = payload.downcast_ref::<&str>().copied();
+            let message = message.or_else(|| payload.downcast_ref::<String>().map(String::as_str));
+            let message = message.unwrap_or("no message");
+            complain(&format!("internal error{place}: {message}; please report it with the command line"));
+            let trace = std::backtrace::Backtrace::capture();
+            if trace.status() == std::backtrace::BacktraceStatus::Captured {
+                let _ = writeln!(io::stderr(), "{trace}");
+            }
+        });
+    }));
+}
+
+/// The value of `work`, or `None` if it panicked; unwinding has then removed temporary files.
+pub fn catch<T>(work: impl FnOnce() -> T) -> Option<T> {
+    panic::catch_unwind(panic::AssertUnwindSafe(work)).ok()
+}
+
+/// Writes `error: problem` to stderr, in one line.
+pub fn complain(problem: &dyn Display) {
+    let line = problem.to_string().replace(['\n', '\r'], " ");
+    let _ = writeln!(io::stderr(), "error: {line}");
+}
+
+/// Writes a result to stdout; a reader that closed the pipe has read enough.
+pub fn print(text: &str) -> Result<()> {
+    let mut stdout = io::stdout().lock();
+    match stdout.write_all(text.as_bytes()).and_then(|()| stdout.flush()) {
+        Err(error) if error.kind() != io::ErrorKind::BrokenPipe => Err(Error::io("standard output")(error)),
+        _ => Ok(()),
+    }
+}
