@@ -16,8 +16,10 @@ fn main() {
     let compiler = shaderc::Compiler::new().expect("shaderc initialises");
     let out_dir = env::var("OUT_DIR").expect("cargo sets OUT_DIR");
 
-    let mut entries: Vec<_> =
-        fs::read_dir("glsl").expect("glsl/ exists").map(|entry| entry.expect("glsl/ is readable").path()).collect();
+    let mut entries: Vec<_> = fs::read_dir("glsl")
+        .expect("glsl/ exists")
+        .map(|entry| entry.expect("glsl/ is readable").path())
+        .collect();
     entries.sort();
     for path in entries {
         let kind = match path.extension().and_then(|extension| extension.to_str()) {

@@ -10,9 +10,17 @@ macro_rules! shared_constants {
         /// Every shared constant as a GLSL macro: its name and its value.
         #[allow(dead_code)] // read by build.rs only
         pub fn shader_defines() -> Vec<(&'static str, String)> {
-            vec![$((stringify!($name), format!("{:?}", $name)),)*]
+            vec![$((stringify!($name), glsl_literal(&format!("{:?}", $name), stringify!($type))),)*]
         }
     };
+}
+
+#[allow(dead_code)] // as above
+fn glsl_literal(value: &str, kind: &str) -> String {
+    match kind {
+        "u32" => format!("{value}u"),
+        _ => value.to_owned(),
+    }
 }
 
 shared_constants! {
@@ -26,4 +34,59 @@ shared_constants! {
     MAX_PHONG_EXPONENT: f32 = 1e6;
     /// Largest magnitude that an RGBA16F target holds without overflow to infinity.
     MAX_RADIANCE: f32 = 65504.0;
+
+    /// Texels in a row of the scene table and of the node table; a power of two.
+    TABLE_WIDTH: u32 = 1024;
+    /// A texture reference that means white.
+    NO_TEXTURE: u32 = 0xffff_ffff;
+    /// Texel of a material at which its texture slots' transforms begin, two texels a slot.
+    MATERIAL_SLOTS: u32 = 7;
+    /// Texels of a material.
+    MATERIAL_TEXELS: u32 = 21;
+    /// The base colour is the radiance.
+    MATERIAL_UNLIT: u32 = 1;
+    /// Alpha below the cutoff is discarded.
+    MATERIAL_MASK: u32 = 2;
+    /// Alpha is coverage.
+    MATERIAL_BLEND: u32 = 4;
+    /// A solid body, not a thin wall.
+    MATERIAL_SOLID: u32 = 8;
+    /// Metals follow Schlick's approximation.
+    MATERIAL_SCHLICK: u32 = 16;
+    /// Texel of a target at which its outline begins.
+    TARGET_OUTLINE: u32 = 6;
+    /// Texels of a target.
+    TARGET_TEXELS: u32 = 14;
+    /// A point light.
+    LIGHT_POINT: u32 = 0;
+    /// A directional light.
+    LIGHT_DIRECTIONAL: u32 = 1;
+    /// A spot light.
+    LIGHT_SPOT: u32 = 2;
+    /// No node: room that a leaf does not need.
+    NODE_NONE: u32 = 0;
+    /// First bounce onto planes: the view ray itself is reflected or refracted.
+    NODE_FIRST_PLANE: u32 = 1;
+    /// Deeper bounce onto planes: a weighted bundle of the corners' rays.
+    NODE_PLANE: u32 = 2;
+    /// A curved target: projective texture coordinates.
+    NODE_CHART: u32 = 3;
+    /// First bounce into the environment.
+    NODE_FIRST_ENVIRONMENT: u32 = 4;
+    /// Deeper bounce into the environment.
+    NODE_ENVIRONMENT: u32 = 5;
+    /// The leaf belongs to a specular VT object.
+    LEAF_SPECULAR: u32 = 1;
+    /// Pixels of the leaf were traced one by one.
+    LEAF_TRACED: u32 = 2;
+    /// C_prim · CT_prim of Eq. 3.
+    COMPONENT_PRIMARY: u32 = 1;
+    /// α_r · C_refl · CT_refl.
+    COMPONENT_REFLECTED: u32 = 2;
+    /// α_t · C_trans · CT_trans.
+    COMPONENT_TRANSMITTED: u32 = 4;
+    /// α_r · C_r,comb.
+    COMPONENT_REFLECTED_COMB: u32 = 8;
+    /// α_t · C_t,comb.
+    COMPONENT_TRANSMITTED_COMB: u32 = 16;
 }

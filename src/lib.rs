@@ -7,3 +7,4 @@ pub mod error;
 pub mod options;
 pub mod report;
 pub mod scene;
+pub mod trace;

@@ -202,7 +202,9 @@ mod tests {
     #[test]
     fn project_inverts_ray() {
         let view = view();
-        for pixel in [Vec2::new(0.5, 0.5), Vec2::new(639.5, 0.5), Vec2::new(320.0, 240.0), Vec2::new(10.0, 470.0)] {
+        for pixel in
+            [Vec2::new(0.5, 0.5), Vec2::new(639.5, 0.5), Vec2::new(320.0, 240.0), Vec2::new(10.0, 470.0)]
+        {
             let (origin, direction) = view.ray(pixel);
             let (back, _) = view.project(origin + direction * 3.7).unwrap();
             assert!((back - pixel).length() < 2e-3, "{pixel} came back as {back}");

@@ -87,7 +87,10 @@ fn specular_by_material(scene: &Scene, index: usize, threshold: f32, notes: &mut
             let image = &scene.images[scene.textures[slot.texture as usize].image as usize];
             let sum: u64 = image.rgba.iter().skip(channel).step_by(4).map(|&value| u64::from(value)).sum();
             let mean = sum as f32 / 255.0 / (image.width as f32 * image.height as f32);
-            notes.push(format!("material {}: {what} texture classifies by its mean, {mean:.2}", material.name));
+            notes.push(format!(
+                "material {}: {what} texture classifies by its mean, {mean:.2}",
+                material.name
+            ));
             mean
         }
     };

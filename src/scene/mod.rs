@@ -10,7 +10,10 @@ pub mod gltf;
 pub mod light;
 pub mod material;
 pub mod mesh;
+pub mod patch;
+pub mod structure;
 pub mod texture;
+pub mod topology;
 
 pub use camera::{Camera, Projection, View};
 pub use light::{Light, LightKind};
@@ -41,7 +44,7 @@ pub struct Scene {
     pub textures: Vec<Texture>,
     /// Decoded images that textures refer to.
     pub images: Vec<Image>,
-    /// Punctual lights. Empty if the file has none: see [`Scene::light_for`].
+    /// Punctual lights. Empty if the file has none, until [`Scene::add_default_lights`].
     pub lights: Vec<Light>,
     /// Cameras of the file, in node order.
     pub cameras: Vec<Camera>,

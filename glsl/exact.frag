@@ -1,0 +1,200 @@
+#version 460
+// Exact reconstruction of a leaf (design §5): the paths that its corners share are followed per fragment.
+#extension GL_EXT_scalar_block_layout : require
+#extension GL_GOOGLE_include_directive : require
+#include "shading.glsl"
+
+// Nodes that every leaf of this draw has room for.
+layout(constant_id = 2) const uint NODES = 8;
+// Components that this pass adds up: all in one pass, or one group a pass.
+layout(constant_id = 3) const uint COMPONENTS = 31;
+// Eq. 4 multiplies the combined colour by the first texture of its branch; Eq. 3 adds it.
+layout(constant_id = 4) const bool EQUATION_FOUR = false;
+
+layout(set = 1, binding = 2) uniform usampler2D node_table;
+layout(set = 1, binding = 3) uniform sampler2D traced_pixels;
+layout(set = 0, binding = 10) uniform sampler2D environment;
+
+layout(location = 0) in vec3 position;
+layout(location = 1) in vec3 normal;
+layout(location = 2) in vec4 uv;
+layout(location = 3) in vec3 weights;
+layout(location = 4) in vec4 color;
+layout(location = 5) in vec4 tangent;
+layout(location = 6) in vec3 comb_reflected;
+layout(location = 7) in vec3 comb_transmitted;
+layout(location = 8) flat in uvec4 header;
+layout(location = 9) flat in vec3 facet;
+
+layout(location = 0) out vec4 radiance;
+
+vec4 node_floats(uint index) { return uintBitsToFloat(table_texel(node_table, index)); }
+
+// Share of each light that is not hidden, from a byte a corner.
+void unpack_lit(uint masks, out float lit[MAX_LIGHTS]) {
+    for (uint i = 0u; i < MAX_LIGHTS; ++i) {
+        if (i >= frame.light_count) { lit[i] = 1.0; continue; }
+        uvec3 seen = uvec3(masks >> i, masks >> (i + 8u), masks >> (i + 16u)) & 1u;
+        lit[i] = dot(weights, vec3(seen));
+    }
+}
+
+struct Ray { vec3 origin; vec3 direction; };
+
+struct Candidate { float s; vec3 point; vec2 base_uv; vec2 emissive_uv; };
+
+Candidate candidate_on(uint target, Ray ray) {
+    vec4 plane = scene_floats(target);
+    float s = (plane.w - dot(plane.xyz, ray.origin)) / dot(plane.xyz, ray.direction);
+    vec3 point = ray.origin + ray.direction * s;
+    vec4 at = vec4(point, 1.0);
+    return Candidate(
+        s, point,
+        vec2(dot(scene_floats(target + 2u), at), dot(scene_floats(target + 3u), at)),
+        vec2(dot(scene_floats(target + 4u), at), dot(scene_floats(target + 5u), at)));
+}
+
+bool inside_outline(uint target, vec3 point) {
+    uint sides = scene_words(target + 1u).y;
+    for (uint i = 0u; i < sides; ++i) {
+        vec4 side = scene_floats(target + TARGET_OUTLINE + i);
+        if (dot(side.xyz, point) > side.w) return false;
+    }
+    return true;
+}
+
+// Radiance of a planar target that is hit, and the texel that Eq. 4 asks for.
+vec3 planar_radiance(uvec4 head, Ray ray, out vec3 texel) {
+    uint count = (head.x >> 4) & 3u;
+    uint targets[3] = uint[3](head.y, head.z, head.w);
+    Candidate best;
+    vec2 base_dx, base_dy, emissive_dx, emissive_dy;
+    uint best_target = targets[0];
+    bool best_inside = false;
+    for (uint k = 0u; k < 3u; ++k) {
+        if (k >= count) break;
+        Candidate candidate = candidate_on(targets[k], ray);
+        // Gradients of every candidate's coordinates, before any choice between them.
+        vec2 bx = dFdx(candidate.base_uv), by = dFdy(candidate.base_uv);
+        vec2 ex = dFdx(candidate.emissive_uv), ey = dFdy(candidate.emissive_uv);
+        bool inside = count == 1u || (candidate.s > 0.0 && inside_outline(targets[k], candidate.point));
+        bool nearer = candidate.s > 0.0 && (best.s <= 0.0 || candidate.s < best.s);
+        if (k == 0u || (inside && !best_inside) || (inside == best_inside && nearer)) {
+            best = candidate;
+            best_target = targets[k];
+            best_inside = inside;
+            base_dx = bx; base_dy = by; emissive_dx = ex; emissive_dy = ey;
+        }
+    }
+    uint material = scene_words(best_target + 1u).x;
+    uvec4 textures = scene_words(material + 4u);
+    vec4 base_texel = bank_texel(textures.x, best.base_uv, base_dx, base_dy);
+    vec3 emission_texel = bank_texel(textures.y, best.emissive_uv, emissive_dx, emissive_dy).rgb;
+    texel = base_texel.rgb;
+    Material m = material_with(material, unpackUnorm4x8(scene_words(best_target + 1u).z), base_texel, emission_texel);
+    vec3 n = scene_floats(best_target).xyz;
+    vec3 direction = normalize(ray.direction);
+    if (dot(n, direction) > 0.0) n = -n;
+    float lit[MAX_LIGHTS];
+    unpack_lit(head.x >> 8, lit);
+    return local_radiance(m, best.point, n, direction, lit);
+}
+
+// What one node adds, before α, and the texel that it looked up.
+vec3 node_radiance(inout uint at, Branches branches, out uint branch, out vec3 texel, out bool first_bounce) {
+    uvec4 head = table_texel(node_table, at);
+    uint kind = head.x & 7u;
+    branch = (head.x >> 3) & 1u;
+    at += 1u;
+    texel = vec3(1.0);
+    first_bounce = kind == NODE_FIRST_PLANE;
+    if (kind == NODE_NONE) return vec3(0.0);
+    if (kind == NODE_FIRST_PLANE) {
+        Ray ray = Ray(position, branch == 0u ? branches.reflected : branches.refracted);
+        return planar_radiance(head, ray, texel);
+    }
+    if (kind == NODE_FIRST_ENVIRONMENT) return vec3(0.0);
+    if (kind == NODE_PLANE) {
+        vec3 throughput = vec3(0.0);
+        vec3 origin = vec3(0.0), direction = vec3(0.0);
+        float scale = 0.0;
+        for (uint i = 0u; i < 3u; ++i) {
+            vec4 a = node_floats(at + 3u * i);
+            throughput += weights[i] * a.rgb;
+            scale += weights[i] * a.w;
+            origin += weights[i] * node_floats(at + 3u * i + 1u).xyz;
+            direction += weights[i] * node_floats(at + 3u * i + 2u).xyz;
+        }
+        at += 9u;
+        return throughput * planar_radiance(head, Ray(origin / scale, direction / scale), texel);
+    }
+    // NODE_CHART: projective coordinates and a local colour from the corners.
+    vec3 shade = vec3(0.0);
+    vec3 coordinates = vec3(0.0);
+    for (uint i = 0u; i < 3u; ++i) {
+        vec4 a = node_floats(at + 2u * i);
+        shade += weights[i] * a.rgb;
+        coordinates += weights[i] * node_floats(at + 2u * i + 1u).xyz;
+    }
+    at += 6u;
+    vec2 where = coordinates.xy / coordinates.z;
+    vec2 dx = dFdx(where), dy = dFdy(where);
+    texel = bank_texel(head.y, where, dx, dy).rgb;
+    return shade * texel;
+}
+
+void main() {
+    vec3 d = view_direction(position);
+    vec3 n = normalize(normal);
+    vec3 ng = normalize(facet);
+    if (dot(n, ng) < 0.0) ng = -ng;
+
+    Coordinates at;
+    at.uv[0] = uv.xy;
+    at.uv[1] = uv.zw;
+    at.dx[0] = dFdx(uv.xy);
+    at.dx[1] = dFdx(uv.zw);
+    at.dy[0] = dFdy(uv.xy);
+    at.dy[1] = dFdy(uv.zw);
+    n = mapped_normal(header.x, n, tangent, at);
+    bool outside = dot(ng, d) < 0.0;
+    if (!outside) { ng = -ng; n = -n; }
+
+    Material m = material_at(header.x, color, at);
+    if ((m.flags & MATERIAL_MASK) != 0u && m.alpha < scene_floats(header.x + 6u).x) discard;
+
+    vec3 sum = vec3(0.0);
+    if ((COMPONENTS & COMPONENT_PRIMARY) != 0u) {
+        float lit[MAX_LIGHTS];
+        unpack_lit(header.y, lit);
+        sum += local_radiance(m, position, n, d, lit);
+    }
+    if (NODES > 0u || (header.w & LEAF_SPECULAR) != 0u) {
+        Branches branches = branches_at(m, n, ng, d, outside);
+        vec3 first_texel[2] = vec3[2](vec3(1.0), vec3(1.0));
+        vec3 textured[2] = vec3[2](vec3(0.0), vec3(0.0));
+        uint at_node = header.z;
+        for (uint i = 0u; i < NODES; ++i) {
+            uint branch;
+            vec3 texel;
+            bool first_bounce;
+            vec3 value = node_radiance(at_node, branches, branch, texel, first_bounce);
+            textured[branch] += value;
+            if (first_bounce) first_texel[branch] = texel;
+        }
+        vec3 comb[2] = vec3[2](comb_reflected, comb_transmitted);
+        for (uint b = 0u; b < 2u; ++b) {
+            vec3 branch_sum = vec3(0.0);
+            if ((COMPONENTS & (COMPONENT_REFLECTED << b)) != 0u) branch_sum += textured[b];
+            if ((COMPONENTS & (COMPONENT_REFLECTED_COMB << b)) != 0u)
+                branch_sum += EQUATION_FOUR ? comb[b] * first_texel[b] : comb[b];
+            sum += branches.attenuation[b] * branch_sum;
+        }
+    }
+    if ((header.w & LEAF_TRACED) != 0u) {
+        vec4 traced = texelFetch(traced_pixels, ivec2(gl_FragCoord.xy), 0);
+        if (traced.a > 0.0) sum = (COMPONENTS & COMPONENT_PRIMARY) != 0u ? traced.rgb : vec3(0.0);
+    }
+    float alpha = (m.flags & MATERIAL_BLEND) != 0u ? clamp(m.alpha, 0.0, 1.0) : 1.0;
+    radiance = vec4(clamp(sum, vec3(-MAX_RADIANCE), vec3(MAX_RADIANCE)), alpha);
+}

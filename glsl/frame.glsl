@@ -1,0 +1,44 @@
+// What every draw of a frame reads: the view, the lights, and the scene's tables.
+#ifndef FRAME_GLSL
+#define FRAME_GLSL
+
+struct Light {
+    vec3 position;      // of a point or spot light
+    float range;        // distance at which the falloff window ends
+    vec3 direction;     // unit, the way a directional or spot light travels
+    uint kind;          // LIGHT_POINT, LIGHT_DIRECTIONAL or LIGHT_SPOT
+    vec3 intensity;
+    float outer_cos;
+    float cone_scale;   // 1 / (inner_cos - outer_cos)
+    uint pad0, pad1, pad2;
+};
+
+layout(set = 0, binding = 0, scalar) uniform Frame {
+    mat4 clip_from_eye_relative;
+    vec3 eye;
+    uint light_count;
+    vec3 forward;
+    uint orthographic;
+    vec3 ambient;
+    uint target_base;   // first texel of the targets in the scene table
+    vec3 background;
+    uint width;
+    Light lights[MAX_LIGHTS];
+} frame;
+
+// Materials and targets, fixed for a scene. A texture, not a buffer: what it holds feeds derivatives.
+layout(set = 0, binding = 1) uniform usampler2D scene_table;
+
+uvec4 table_texel(usampler2D table, uint index) {
+    return texelFetch(table, ivec2(index & (TABLE_WIDTH - 1u), index / TABLE_WIDTH), 0);
+}
+
+vec4 scene_floats(uint index) { return uintBitsToFloat(table_texel(scene_table, index)); }
+uvec4 scene_words(uint index) { return table_texel(scene_table, index); }
+
+// Unit direction of the view ray that arrives at a point.
+vec3 view_direction(vec3 position) {
+    return frame.orthographic != 0u ? frame.forward : normalize(position - frame.eye);
+}
+
+#endif

@@ -1,0 +1,23 @@
+// Layouts of vertices and leaves, as reconstruct/leaves.rs writes them.
+#ifndef LEAF_GLSL
+#define LEAF_GLSL
+
+struct Vertex {
+    vec3 position;
+    vec3 normal;        // interpolated linearly, not of unit length
+    vec2 uv[2];
+    uint color[2];      // halves
+    uint tangent[2];    // halves
+};
+
+struct Leaf {
+    uint vertices[3];
+    uint material;      // first texel in the scene table
+    uint lit;           // a byte a corner: lights that are not hidden from it
+    uint nodes;         // first texel of its nodes in the node table
+    uint flags;         // LEAF_…
+    uint pad;
+    vec3 comb[3][2];    // by corner: what is Gouraud-shaded of reflection and transmission, before α
+};
+
+#endif

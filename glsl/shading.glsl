@@ -1,0 +1,108 @@
+// Light and optics: the shader's side of trace/shade.rs and trace/optics.rs, term by term.
+#ifndef SHADING_GLSL
+#define SHADING_GLSL
+
+#include "frame.glsl"
+#include "material.glsl"
+
+const float PI = 3.14159265358979;
+
+struct Incident { vec3 to_light; vec3 irradiance; };
+
+Incident incident(Light light, vec3 point) {
+    if (light.kind == LIGHT_DIRECTIONAL) return Incident(-light.direction, light.intensity);
+    vec3 to = light.position - point;
+    float squared = dot(to, to);
+    float dist = sqrt(squared);
+    float ratio = dist / light.range;
+    float window = clamp(1.0 - ratio * ratio * ratio * ratio, 0.0, 1.0);
+    float falloff = squared > 0.0 ? window / squared : 0.0;
+    vec3 to_light = dist > 0.0 ? to / dist : vec3(0.0);
+    if (light.kind == LIGHT_SPOT) {
+        float cone = clamp((-dot(to_light, light.direction) - light.outer_cos) * light.cone_scale, 0.0, 1.0);
+        falloff *= cone * cone;
+    }
+    return Incident(to_light, light.intensity * falloff);
+}
+
+// Radiance without mirror images towards a viewer who looks along `direction`; `lit` holds the share of each
+// light that is not hidden: design §2, "Local component".
+vec3 local_radiance(Material m, vec3 position, vec3 n, vec3 direction, float lit[MAX_LIGHTS]) {
+    vec3 base = m.base * m.base_texel;
+    if ((m.flags & MATERIAL_UNLIT) != 0u) return base;
+    float diffuse = (1.0 - m.metallic) * (1.0 - m.transmission);
+    vec3 radiance = m.emission + base * frame.ambient * diffuse;
+    bool highlights = m.roughness > 0.0;
+    if (diffuse <= 0.0 && !highlights) return radiance;
+    float r2 = m.roughness * m.roughness;
+    float exponent = highlights ? clamp(2.0 / (r2 * r2) - 2.0, 0.0, MAX_PHONG_EXPONENT) : 0.0;
+    vec3 k_s = mix(m.specular, base, m.metallic);
+    for (uint i = 0u; i < frame.light_count; ++i) {
+        Incident light = incident(frame.lights[i], position);
+        float cosine = dot(light.to_light, n);
+        if (cosine <= 0.0 || lit[i] <= 0.0) continue;
+        vec3 irradiance = light.irradiance * (cosine * lit[i]);
+        vec3 response = base * (diffuse / PI);
+        if (highlights) {
+            vec3 mirrored = n * (2.0 * cosine) - light.to_light;
+            float lobe = (exponent + 2.0) / (2.0 * PI) * pow(max(-dot(mirrored, direction), 0.0), exponent);
+            response += k_s * lobe;
+        }
+        radiance += irradiance * response;
+    }
+    return radiance;
+}
+
+// `d` mirrored at `n`, lifted above the facet with normal `ng` (design §2).
+vec3 lifted_reflection(vec3 d, vec3 n, vec3 ng) {
+    vec3 r = d - n * (2.0 * dot(d, n));
+    float above = dot(r, ng);
+    return above < REFLECTION_LIFT ? normalize(r + ng * (REFLECTION_LIFT - above)) : r;
+}
+
+// Fresnel's reflectance; `refracted` is zero in total internal reflection.
+float dielectric(vec3 d, vec3 n, float eta, out vec3 refracted) {
+    float cos_in = clamp(-dot(d, n), 0.0, 1.0);
+    float sin_out_squared = eta * eta * (1.0 - cos_in * cos_in);
+    if (sin_out_squared >= 1.0) {
+        refracted = vec3(0.0);
+        return 1.0;
+    }
+    float cos_out = sqrt(1.0 - sin_out_squared);
+    float s = (eta * cos_in - cos_out) / (eta * cos_in + cos_out);
+    float p = (cos_in - eta * cos_out) / (cos_in + eta * cos_out);
+    refracted = normalize(d * eta + n * (eta * cos_in - cos_out));
+    return clamp(0.5 * (s * s + p * p), 0.0, 1.0);
+}
+
+struct Branches { vec3 reflected; vec3 refracted; vec3 attenuation[2]; };
+
+// Directions and attenuations α_r, α_t at the primary surface, with n and ng on the viewer's side.
+Branches branches_at(Material m, vec3 n, vec3 ng, vec3 d, bool outside) {
+    Branches b;
+    vec3 base = m.base * m.base_texel;
+    float glass = (1.0 - m.metallic) * m.transmission;
+    vec3 reflectance = base * m.metallic;
+    if ((m.flags & MATERIAL_SCHLICK) != 0u) {
+        vec3 f0 = mix(m.specular, base, m.metallic);
+        float c = clamp(1.0 + dot(d, n), 0.0, 1.0);
+        reflectance = (f0 + (1.0 - f0) * (c * c * c * c * c)) * (1.0 - glass);
+    }
+    b.reflected = lifted_reflection(d, n, ng);
+    b.refracted = d;
+    b.attenuation[1] = vec3(0.0);
+    if (glass > 0.0) {
+        bool solid = (m.flags & MATERIAL_SOLID) != 0u;
+        float eta = solid && !outside ? m.ior : 1.0 / m.ior;
+        vec3 bent;
+        float interface_reflectance = dielectric(d, n, eta, bent);
+        float r = solid ? interface_reflectance : 2.0 * interface_reflectance / (1.0 + interface_reflectance);
+        if (solid) b.refracted = bent;
+        reflectance += vec3(glass * r);
+        b.attenuation[1] = base * (glass * (1.0 - r));
+    }
+    b.attenuation[0] = reflectance;
+    return b;
+}
+
+#endif

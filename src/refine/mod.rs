@@ -1,0 +1,284 @@
+//! Adaptive refinement in object space (paper §3; design §6).
+//!
+//! A queue of faces, largest predicted squared error × visible pixels first. Faces are popped in batches,
+//! bisected, and the new vertices traced in parallel; the result does not depend on the number of threads.
+//! Faces that are still undefined at a few pixels leave the queue: their pixels are traced one by one.
+
+pub mod mesh;
+pub mod pixels;
+pub mod predict;
+pub mod samples;
+
+use std::cmp::Ordering;
+use std::collections::BinaryHeap;
+use std::time::Instant;
+
+use glam::Vec3;
+use rayon::prelude::*;
+
+use self::mesh::{Mesh, Split};
+use self::predict::{Corner, Deviation, Predictor};
+use self::samples::Samples;
+use crate::options::EffortOptions;
+use crate::trace::sample::Context;
+use crate::visibility::IdImage;
+
+/// Longest edge, in pixels, at which a face is no longer bisected.
+pub const STOP_SIZE: f32 = 3.5;
+
+/// Share of the leaves that one step bisects.
+const BATCH_SHARE: usize = 8;
+const BATCH_MIN: usize = 64;
+const BATCH_MAX: usize = 4096;
+
+/// Exploration: squared error assumed of a face nothing is known of, and how it fades by level.
+const EXPLORE: f32 = 0.01;
+const EXPLORE_FADE: f32 = 0.1;
+
+/// Share of a bisected face's error that each half inherits.
+const INHERITED: f32 = 0.5;
+
+/// Predicted squared error per pixel below which nothing is worth a sample: half an 8-bit step.
+const NEGLIGIBLE: f32 = (0.5 / 255.0) * (0.5 / 255.0);
+
+/// What ended refinement.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum StoppedBy {
+    /// The predicted error fell below the target.
+    Error,
+    /// The sample budget was spent.
+    MaxSamples,
+    /// The time budget was spent.
+    Budget,
+    /// Nothing was left to refine.
+    Exhausted,
+    /// No step was asked for.
+    Preview,
+}
+
+/// Refinement of one frame in progress.
+pub struct Refiner<'a> {
+    context: &'a Context<'a>,
+    predictor: &'a Predictor<'a>,
+    ids: IdImage<'a>,
+    /// The mesh so far.
+    pub mesh: Mesh,
+    /// The samples of all its vertices.
+    pub samples: Samples,
+    /// Faces whose pixels are traced, in the order in which they left the queue.
+    pub pixel_faces: Vec<u32>,
+    /// Steps taken.
+    pub steps: u32,
+    state: Vec<State>,
+    queue: BinaryHeap<Entry>,
+    pixel_budget_used: f32,
+    total_pixels: f32,
+}
+
+/// What is known of a face.
+#[derive(Debug, Clone, Copy, Default)]
+struct State {
+    /// Predicted error per pixel.
+    deviation: Deviation,
+    /// Pixels that show it, estimated.
+    pixels: f32,
+}
+
+#[derive(Debug, Clone, Copy, PartialEq)]
+struct Entry {
+    priority: f32,
+    face: u32,
+}
+
+impl Eq for Entry {}
+
+impl Ord for Entry {
+    fn cmp(&self, other: &Self) -> Ordering {
+        self.priority.total_cmp(&other.priority).then(other.face.cmp(&self.face))
+    }
+}
+
+impl PartialOrd for Entry {
+    fn partial_cmp(&self, other: &Self) -> Option<Ordering> {
+        Some(self.cmp(other))
+    }
+}
+
+impl<'a> Refiner<'a> {
+    /// Traces the vertices of the unrefined `mesh` and queues its faces.
+    pub fn new(
+        context: &'a Context<'a>,
+        predictor: &'a Predictor<'a>,
+        mesh: Mesh,
+        ids: IdImage<'a>,
+    ) -> Self {
+        let mut refiner = Self {
+            context,
+            predictor,
+            ids,
+            mesh,
+            samples: Samples::default(),
+            pixel_faces: Vec::new(),
+            steps: 0,
+            state: Vec::new(),
+            queue: BinaryHeap::new(),
+            pixel_budget_used: 0.0,
+            total_pixels: 0.0,
+        };
+        refiner.samples.extend(context, &refiner.mesh);
+        let faces: Vec<u32> = (0..refiner.mesh.faces.len() as u32).collect();
+        refiner.judge(&faces, |_| Deviation::default());
+        refiner.total_pixels = refiner.state.iter().map(|state| state.pixels).sum();
+        refiner
+    }
+
+    /// Estimates the new faces `faces` and queues them; `inherited` is what each takes over.
+    fn judge(&mut self, faces: &[u32], inherited: impl Fn(u32) -> Deviation + Sync) {
+        let states: Vec<State> = faces
+            .par_iter()
+            .with_min_len(32)
+            .map(|&face| {
+                let corners = self.mesh.faces[face as usize].corners.map(|v| self.samples.get(v));
+                let own = self.predictor.face(corners, self.mesh.size(face));
+                State {
+                    deviation: own.plus(inherited(face)),
+                    pixels: pixels::visible(&self.mesh, self.context.view, self.ids, face),
+                }
+            })
+            .collect();
+        self.state.resize(self.mesh.faces.len(), State::default());
+        for (&face, state) in faces.iter().zip(states) {
+            self.state[face as usize] = state;
+            let level = i32::from(self.mesh.faces[face as usize].level);
+            let explored = EXPLORE * EXPLORE_FADE.powi(level);
+            let color = state.deviation.color + explored;
+            if state.pixels > 0.0 && color > NEGLIGIBLE {
+                self.queue.push(Entry { priority: color * state.pixels, face });
+            }
+        }
+    }
+
+    /// Samples that count against a budget: vertices, and pixels traced one by one.
+    pub fn cost(&self) -> u64 {
+        self.samples.len() as u64 + self.pixel_budget_used as u64
+    }
+
+    /// Predicted root mean square over the visible pixels: displacement in pixels, and linear radiance.
+    pub fn predicted(&self) -> (f32, f32) {
+        if self.total_pixels <= 0.0 {
+            return (0.0, 0.0);
+        }
+        let (mut shift, mut color) = (0.0_f64, 0.0_f64);
+        for face in self.mesh.leaves() {
+            let state = &self.state[face as usize];
+            shift += f64::from(state.deviation.shift * state.pixels);
+            color += f64::from(state.deviation.color * state.pixels);
+        }
+        let mean = |sum: f64| (sum / f64::from(self.total_pixels)).sqrt() as f32;
+        (mean(shift), mean(color))
+    }
+
+    /// Refines until the target or a budget of `effort` is met; `after_step` sees every step.
+    ///
+    /// # Errors
+    /// Whatever `after_step` returns.
+    pub fn run<E>(
+        &mut self,
+        effort: &EffortOptions,
+        started: Instant,
+        mut after_step: impl FnMut(&Self) -> Result<(), E>,
+    ) -> Result<StoppedBy, E> {
+        if effort.preview {
+            return Ok(StoppedBy::Preview);
+        }
+        loop {
+            if effort.max_samples.is_some_and(|limit| self.cost() >= limit) {
+                return Ok(StoppedBy::MaxSamples);
+            }
+            if effort.budget.is_some_and(|limit| started.elapsed() >= limit) {
+                return Ok(StoppedBy::Budget);
+            }
+            if effort.max_samples.is_none() && effort.budget.is_none() && self.predicted().0 <= effort.error {
+                return Ok(StoppedBy::Error);
+            }
+            let room = effort.max_samples.map_or(u64::MAX, |limit| limit - self.cost());
+            if !self.step(room) {
+                return Ok(StoppedBy::Exhausted);
+            }
+            after_step(self)?;
+        }
+    }
+
+    /// Bisects the most promising faces and traces their new vertices, at most about `room` of them.
+    /// False if nothing is left to refine.
+    fn step(&mut self, room: u64) -> bool {
+        let leaves = self.mesh.faces.len() / 2 + 1;
+        let batch = (leaves / BATCH_SHARE).clamp(BATCH_MIN, BATCH_MAX);
+        let vertices_before = self.mesh.vertices.len();
+        let mut splits: Vec<Split> = Vec::new();
+        let mut popped = 0;
+        let mut left_queue = false;
+        while popped < batch {
+            let made = self.mesh.vertices.len() - vertices_before;
+            if made as u64 + (self.pixel_budget_used as u64) >= room.saturating_add(self.pixel_budget_used as u64) {
+                break;
+            }
+            let Some(Entry { face, .. }) = self.queue.pop() else { break };
+            if !self.mesh.faces[face as usize].is_leaf() {
+                continue;
+            }
+            if self.mesh.size(face) <= STOP_SIZE {
+                self.trace_pixels_of(face);
+                left_queue = true;
+                continue;
+            }
+            self.mesh.bisect(face, &mut splits);
+            popped += 1;
+        }
+        if splits.is_empty() && !left_queue {
+            return false;
+        }
+        self.samples.extend(self.context, &self.mesh);
+        let edges: Vec<Deviation> =
+            splits.par_iter().with_min_len(32).map(|split| self.surprise(split)).collect();
+        let mut inherited = rustc_hash::FxHashMap::default();
+        for (split, edge) in splits.iter().zip(edges) {
+            for child in self.mesh.faces[split.face as usize].children {
+                inherited.insert(child, edge.scaled(INHERITED));
+            }
+        }
+        let faces: Vec<u32> = splits
+            .iter()
+            .flat_map(|split| self.mesh.faces[split.face as usize].children)
+            .filter(|&face| self.mesh.faces[face as usize].is_leaf())
+            .collect();
+        self.judge(&faces, |face| inherited.get(&face).copied().unwrap_or_default());
+        self.steps += 1;
+        true
+    }
+
+    /// What tracing the middle of a bisected edge showed.
+    fn surprise(&self, split: &Split) -> Deviation {
+        let vertex = self.mesh.vertices[split.vertex as usize];
+        let corner = |v: u32| Corner {
+            sample: self.samples.get(v),
+            distance: self.distance(self.mesh.position(v)),
+        };
+        let [a, b] = vertex.parents;
+        let image = |v: u32| self.mesh.images[self.mesh.vertices[v as usize].point as usize];
+        let pixels = (image(a) - image(b)).length() * self.mesh.pixels_per_unit;
+        self.predictor.edge([corner(a), corner(b)], corner(split.vertex), pixels)
+    }
+
+    /// Distance from the eye: e of design §5, 1 for a parallel view, where e/d means 1.
+    fn distance(&self, position: Vec3) -> f32 {
+        self.context.view.distance_to(position)
+    }
+
+    fn trace_pixels_of(&mut self, face: u32) {
+        let state = &mut self.state[face as usize];
+        self.pixel_budget_used += state.pixels;
+        state.deviation = Deviation::default();
+        self.pixel_faces.push(face);
+    }
+}

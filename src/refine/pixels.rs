@@ -1,0 +1,147 @@
+//! Pixels of refined faces: how many show a face, and tracing those that interpolation cannot serve.
+
+use glam::{Vec2, Vec3};
+use rayon::prelude::*;
+
+use super::mesh::Mesh;
+use crate::scene::View;
+use crate::trace::sample::{self, Context};
+use crate::trace::{Rays, Surface};
+use crate::visibility::IdImage;
+
+/// A pixel traced by itself.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct TracedPixel {
+    /// `y · width + x`.
+    pub index: u32,
+    /// Linear radiance.
+    pub radiance: Vec3,
+}
+
+/// Points at which a face is looked for in the ID buffer: barycentric lattices for small and large faces.
+const FEW: &[[f32; 3]] =
+    &[[1.0 / 3.0, 1.0 / 3.0, 1.0 / 3.0], [0.7, 0.15, 0.15], [0.15, 0.7, 0.15], [0.15, 0.15, 0.7]];
+const MANY_SIDE: u32 = 6;
+
+/// Estimated number of pixels that show `face`: its projected area times the share of points inside it at
+/// which the ID buffer shows its base face.
+pub fn visible(mesh: &Mesh, view: &View, ids: IdImage, face: u32) -> f32 {
+    let base = mesh.faces[face as usize].base;
+    let corners =
+        mesh.faces[face as usize].corners.map(|v| mesh.images[mesh.vertices[v as usize].point as usize]);
+    let area = mesh.area(face);
+    let shows = |weights: [f32; 3]| {
+        let image = corners[0] * weights[0] + corners[1] * weights[1] + corners[2] * weights[2];
+        pixel_of(view, image).is_some_and(|(x, y)| ids.face(x, y) == Some(base))
+    };
+    let share = if area <= 64.0 {
+        FEW.iter().filter(|&&weights| shows(weights)).count() as f32 / FEW.len() as f32
+    } else {
+        let n = if area > 16384.0 { 4 * MANY_SIDE } else { MANY_SIDE };
+        let lattice = (0..n).flat_map(|i| (0..n - i).map(move |j| (i, j)));
+        let (mut seen, mut all) = (0, 0);
+        for (i, j) in lattice {
+            let (u, v) = ((i as f32 + 1.0 / 3.0) / n as f32, (j as f32 + 1.0 / 3.0) / n as f32);
+            all += 1;
+            seen += u32::from(shows([1.0 - u - v, u, v]));
+        }
+        seen as f32 / all as f32
+    };
+    area * share
+}
+
+/// The pixel that an image vector falls into, if it is inside the frame.
+fn pixel_of(view: &View, image: Vec3) -> Option<(u32, u32)> {
+    let plane = if view.orthographic {
+        Vec2::new(image.x, image.y)
+    } else {
+        let depth = image.dot(view.forward);
+        if depth <= 0.0 {
+            return None;
+        }
+        Vec2::new(image.dot(view.right), image.dot(view.up)) / depth
+    };
+    let ndc = plane / view.half;
+    let x = (ndc.x + 1.0) * 0.5 * view.width as f32;
+    let y = (1.0 - ndc.y) * 0.5 * view.height as f32;
+    (x >= 0.0 && y >= 0.0 && x < view.width as f32 && y < view.height as f32).then_some((x as u32, y as u32))
+}
+
+/// Traces the pixels whose centres lie in the leaves `faces`, from the point of the base face that the ID
+/// buffer shows there: no primary ray is traced.
+pub fn trace(context: &Context, mesh: &Mesh, ids: IdImage, faces: &[u32]) -> (Vec<TracedPixel>, Rays) {
+    let wanted: rustc_hash::FxHashSet<u32> = faces.iter().copied().collect();
+    let chunks: Vec<(Vec<TracedPixel>, Rays)> = faces
+        .par_chunks(16)
+        .map(|faces| {
+            let (mut pixels, mut nodes, mut rays) = (Vec::new(), Vec::new(), Rays::default());
+            for &face in faces {
+                for (x, y) in pixels_around(mesh, context.view, face) {
+                    let base = mesh.faces[face as usize].base;
+                    if ids.face(x, y) != Some(base) {
+                        continue;
+                    }
+                    let centre = Vec2::new(x as f32 + 0.5, y as f32 + 0.5);
+                    let (origin, direction) = context.view.ray(centre);
+                    let image = if context.view.orthographic { mesh.image_of(origin) } else { direction };
+                    if mesh.leaf_at(base, image) != Some(face) {
+                        continue;
+                    }
+                    debug_assert!(wanted.contains(&face));
+                    let Some(surface) = surface_at(context, base, origin, direction) else { continue };
+                    nodes.clear();
+                    let from_eye = context.view.distance_to(surface.position);
+                    let primary =
+                        sample::trace_surface(context, &surface, direction, from_eye, &mut nodes, &mut rays);
+                    let radiance = nodes.iter().fold(primary.local.radiance(primary.texel), |sum, node| {
+                        sum + node.radiance()
+                    });
+                    pixels.push(TracedPixel { index: y * context.view.width + x, radiance });
+                }
+            }
+            (pixels, rays)
+        })
+        .collect();
+    let mut all = Vec::new();
+    let mut total = Rays::default();
+    for (pixels, rays) in chunks {
+        all.extend(pixels);
+        total += rays;
+    }
+    (all, total)
+}
+
+/// Pixels whose centres may lie in `face`.
+fn pixels_around(mesh: &Mesh, view: &View, face: u32) -> impl Iterator<Item = (u32, u32)> + use<> {
+    let mut low = Vec2::splat(f32::INFINITY);
+    let mut high = Vec2::splat(f32::NEG_INFINITY);
+    for corner in mesh.faces[face as usize].corners {
+        if let Some((pixel, _)) = view.project(mesh.position(corner)) {
+            low = low.min(pixel);
+            high = high.max(pixel);
+        }
+    }
+    let range = |low: f32, high: f32, size: u32| {
+        let first = (low - 1.0).max(0.0) as u32;
+        let end = if high >= 0.0 { ((high + 1.0) as u32 + 1).min(size) } else { 0 };
+        first..end
+    };
+    let columns = range(low.x, high.x, view.width);
+    range(low.y, high.y, view.height).flat_map(move |y| columns.clone().map(move |x| (x, y)))
+}
+
+/// The point of base face `base` under a view ray.
+fn surface_at(context: &Context, base: u32, origin: Vec3, direction: Vec3) -> Option<Surface> {
+    let [a, b, c] = context.tracer.scene().geometry.corners(base);
+    let (e1, e2) = (b - a, c - a);
+    let p = direction.cross(e2);
+    let determinant = e1.dot(p);
+    if determinant == 0.0 {
+        return None;
+    }
+    let t = origin - a;
+    let q = t.cross(e1);
+    let u = (t.dot(p) / determinant).clamp(0.0, 1.0);
+    let v = (direction.dot(q) / determinant).clamp(0.0, 1.0 - u);
+    Some(Surface::new(context.tracer, base, u, v, direction))
+}

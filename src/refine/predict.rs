@@ -1,0 +1,293 @@
+//! What interpolation between samples would get wrong (design §6).
+//!
+//! Two questions are asked. Of a bisected edge: how far is the sample traced at its middle from what its
+//! ends predicted? Of a face: which paths do its corners not share, so that there is nothing to interpolate?
+//! Texels never answer; only the texture's structure function says what a displacement would cost.
+
+use glam::{Vec2, Vec3};
+
+use super::samples::Sample;
+use crate::options::Reconstruction;
+use crate::scene::patch::{ENVIRONMENT, Patch, TargetId, Targets};
+use crate::scene::structure::Structure;
+use crate::scene::{Scene, View};
+use crate::trace::sample::Node;
+
+/// Share of a contribution's square that Gouraud shading across an unresolved border loses: a step drawn
+/// as a ramp is off by 1/12 in the mean square, a little more where the ramp overshoots the step.
+const UNMATCHED: f32 = 0.12;
+
+/// Predicted error per pixel of a face.
+#[derive(Debug, Clone, Copy, Default, PartialEq)]
+pub struct Deviation {
+    /// Squared error of linear radiance, averaged over the colour channels.
+    pub color: f32,
+    /// Squared displacement of what is reflected or transmitted, in pixels², weighted by contribution.
+    pub shift: f32,
+}
+
+impl Deviation {
+    fn add(&mut self, other: Self) {
+        self.color += other.color;
+        self.shift += other.shift;
+    }
+
+    /// Both parts scaled.
+    pub fn scaled(self, factor: f32) -> Self {
+        Self { color: self.color * factor, shift: self.shift * factor }
+    }
+
+    /// Sum of both parts.
+    pub fn plus(mut self, other: Self) -> Self {
+        self.add(other);
+        self
+    }
+}
+
+/// A vertex: its sample and where it lies.
+#[derive(Clone, Copy)]
+pub struct Corner<'a> {
+    /// Its sample.
+    pub sample: Sample<'a>,
+    /// Its distance from the eye along the view ray: e of design §5.
+    pub distance: f32,
+}
+
+/// Predicts errors for one scene, view and reconstruction.
+pub struct Predictor<'a> {
+    /// Patches and charts.
+    pub targets: &'a Targets,
+    /// Structure functions by texture.
+    pub structures: &'a [Structure],
+    /// The scene.
+    pub scene: &'a Scene,
+    /// The frame's view.
+    pub view: &'a View,
+    /// How leaves are drawn.
+    pub reconstruction: Reconstruction,
+}
+
+impl Predictor<'_> {
+    /// Error of predicting the sample at the middle of an edge of `pixels` pixels from its ends.
+    pub fn edge(&self, ends: [Corner; 2], middle: Corner, pixels: f32) -> Deviation {
+        let mut deviation = Deviation::default();
+        let total = total_contribution(middle.sample);
+        for node in middle.sample.nodes {
+            let pair = ends.map(|end| end.sample.node(node.path));
+            let [Some(a), Some(b)] = pair else { continue };
+            let share = contribution(node, self.structure(node.target)) / total;
+            let (color, shift) = match self.reconstruction {
+                Reconstruction::Exact => self.exact(node, [a, b], ends.map(|end| end.distance)),
+                Reconstruction::Paper => self.paper(node, [a, b]),
+            };
+            deviation.add(Deviation { color, shift: shift * pixels * pixels * share });
+        }
+        let [a, b] = ends.map(|end| end.sample.primary);
+        let primary = middle.sample.primary;
+        let shadow_border = a.lit != b.lit || a.lit != primary.lit;
+        if shadow_border || self.reconstruction == Reconstruction::Paper {
+            let rms = Vec3::ONE;
+            let textured = primary.local.textured - (a.local.textured + b.local.textured) * 0.5;
+            let added = primary.local.added - (a.local.added + b.local.added) * 0.5;
+            deviation.color += mean_square(textured * rms + added);
+        }
+        deviation
+    }
+
+    /// Squared colour error and squared displacement (in edge lengths) of `node` against the exact
+    /// reconstruction from `ends` with equal weights.
+    fn exact(&self, node: &Node, ends: [&Node; 2], distances: [f32; 2]) -> (f32, f32) {
+        let structure = self.structure(node.target);
+        let [a, b] = ends;
+        let throughput = (a.throughput + b.throughput) * 0.5;
+        let lit_differs = a.lit != b.lit || a.lit != node.lit;
+        if a.target != b.target || a.target != node.target {
+            return if self.nearest_candidate(ends, distances) == Some(node.target) {
+                (0.0, 0.0)
+            } else {
+                (mean_square(weight(node, structure)), 0.25)
+            };
+        }
+        let patch = self.targets.targets[node.target as usize].patch.as_ref();
+        let (uv, local, shift) = match patch {
+            Some(patch) => {
+                let local =
+                    if lit_differs { (a.local.textured + b.local.textured) * 0.5 } else { node.local.textured };
+                if node.bounces == 1 {
+                    (node.uv, local, 0.0)
+                } else {
+                    let hit = bundle(patch, ends, distances).unwrap_or(Vec3::INFINITY);
+                    (patch.uv(hit), local, relative_shift(hit, node, ends))
+                }
+            }
+            None if node.target == ENVIRONMENT => (node.uv, node.local.textured, 0.0),
+            None => {
+                let w = [0, 1].map(|i| distances[i] / (distances[i] + ends[i].after));
+                let uv = (a.uv * w[0] + b.uv * w[1]) / (w[0] + w[1]);
+                let local = (a.local.textured + b.local.textured) * 0.5;
+                (uv, local, uv_shift(uv, node.uv, [a.uv, b.uv]))
+            }
+        };
+        let added = mean_square(node.throughput * node.local.added - throughput_added(ends));
+        let tint = mean_square(node.throughput * node.local.textured - throughput * local) * structure.mean_square;
+        let slide =
+            mean_square(node.throughput * node.local.textured) * structure.displaced(uv - node.uv);
+        (tint + slide + added, shift)
+    }
+
+    /// The same against the paper's: linear coordinates at the first bounce, Gouraud for all else.
+    fn paper(&self, node: &Node, ends: [&Node; 2]) -> (f32, f32) {
+        let [a, b] = ends;
+        if node.bounces > 1 || a.target != b.target || a.target != node.target {
+            let difference = node.radiance() - (a.radiance() + b.radiance()) * 0.5;
+            return (mean_square(difference), 0.0);
+        }
+        let structure = self.structure(node.target);
+        let uv = (a.uv + b.uv) * 0.5;
+        let textured = (a.throughput * a.local.textured + b.throughput * b.local.textured) * 0.5;
+        let own = node.throughput * node.local.textured;
+        let added = mean_square(node.throughput * node.local.added - throughput_added(ends));
+        let color = mean_square(own - textured) * structure.mean_square
+            + mean_square(own) * structure.displaced(uv - node.uv)
+            + added;
+        (color, uv_shift(uv, node.uv, [a.uv, b.uv]))
+    }
+
+    /// The planar target that a ray between two differing ends would be drawn with: the nearest of both.
+    fn nearest_candidate(&self, ends: [&Node; 2], distances: [f32; 2]) -> Option<TargetId> {
+        if !self.are_candidates(ends.into_iter()) {
+            return None;
+        }
+        let (origin, direction) = mean_ray(ends, distances);
+        let mut nearest: Option<(f32, TargetId)> = None;
+        for end in ends {
+            let patch = self.targets.targets[end.target as usize].patch.as_ref()?;
+            let s = patch.intersect(origin, direction);
+            if s > 0.0 && patch.contains(origin + direction * s) && nearest.is_none_or(|(t, _)| s < t) {
+                nearest = Some((s, end.target));
+            }
+        }
+        nearest.map(|(_, target)| target)
+    }
+
+    /// Whether differing targets of one path can be told apart per fragment: planar, outlined, diffuse.
+    pub fn are_candidates<'n>(&self, mut nodes: impl Iterator<Item = &'n Node>) -> bool {
+        nodes.all(|node| {
+            let target = &self.targets.targets[node.target as usize];
+            target.patch.as_ref().is_some_and(|patch| patch.outline.is_some())
+        })
+    }
+
+    /// What the corners of a face do not share; `size` is the face's longest edge in pixels.
+    pub fn face(&self, corners: [Sample; 3], size: f32) -> Deviation {
+        let mut deviation = Deviation::default();
+        let total = corners.iter().map(|&corner| total_contribution(corner)).fold(f32::MIN_POSITIVE, f32::max);
+        for (index, corner) in corners.iter().enumerate() {
+            for node in corner.nodes {
+                if corners[..index].iter().any(|earlier| earlier.node(node.path).is_some()) {
+                    continue; // judged at the first corner that has the path
+                }
+                let found = corners.map(|other| other.node(node.path));
+                let loss = match found {
+                    [Some(a), Some(b), Some(c)] => self.mismatch([a, b, c]),
+                    _ => Some(contribution_of(&found, self)),
+                };
+                if let Some(square) = loss {
+                    deviation.color += UNMATCHED * square;
+                    deviation.shift += 0.25 * size * size * square.sqrt() / total;
+                }
+            }
+        }
+        let [a, b, c] = corners.map(|corner| corner.primary);
+        if a.lit != b.lit || a.lit != c.lit {
+            let [a, b, c] = [a, b, c].map(|primary| primary.local.textured + primary.local.added);
+            let jump = mean_square(a - b).max(mean_square(b - c)).max(mean_square(c - a));
+            deviation.color += UNMATCHED * jump;
+        }
+        deviation
+    }
+
+    /// Squared contribution that is not interpolated although all three corners have the path.
+    fn mismatch(&self, nodes: [&Node; 3]) -> Option<f32> {
+        let [a, b, c] = nodes;
+        let same_target = a.target == b.target && b.target == c.target;
+        let interpolates = same_target
+            || self.reconstruction == Reconstruction::Exact && self.are_candidates(nodes.into_iter());
+        if !interpolates {
+            return Some(contribution_of(&nodes.map(Some), self));
+        }
+        if a.lit != b.lit || b.lit != c.lit {
+            let [a, b, c] = nodes.map(|node| node.throughput * node.local.textured);
+            return Some(mean_square(a - b).max(mean_square(b - c)).max(mean_square(c - a)));
+        }
+        None
+    }
+
+    fn structure(&self, target: TargetId) -> &Structure {
+        let material = self.targets.targets[target as usize].material;
+        self.scene
+            .materials
+            .get(material as usize)
+            .and_then(|material| material.base_color_texture)
+            .map_or(&Structure::PLAIN, |slot| &self.structures[slot.texture as usize])
+    }
+}
+
+/// The ray of design §5 rule 2 between two ends with equal weights: β_i ∝ e_i / d_i.
+fn mean_ray(ends: [&Node; 2], distances: [f32; 2]) -> (Vec3, Vec3) {
+    let w = [0, 1].map(|i| distances[i] / ends[i].to_branch);
+    let sum = w[0] + w[1];
+    let origin = (ends[0].origin * w[0] + ends[1].origin * w[1]) / sum;
+    let direction = (ends[0].direction * distances[0] + ends[1].direction * distances[1]) / sum;
+    (origin, direction)
+}
+
+fn bundle(patch: &Patch, ends: [&Node; 2], distances: [f32; 2]) -> Option<Vec3> {
+    let (origin, direction) = mean_ray(ends, distances);
+    let s = patch.intersect(origin, direction);
+    (s.is_finite() && s > 0.0).then(|| origin + direction * s)
+}
+
+/// Squared distance of a predicted hit from the traced one, in units of the distance that the hits move
+/// along the edge.
+fn relative_shift(hit: Vec3, node: &Node, ends: [&Node; 2]) -> f32 {
+    let at = |node: &Node| node.origin + node.direction * node.length;
+    let [a, b] = ends.map(at);
+    let span = (a - b).length_squared().max((a - at(node)).length_squared()).max(f32::MIN_POSITIVE);
+    ((hit - at(node)).length_squared() / span).min(1.0)
+}
+
+fn uv_shift(predicted: Vec2, traced: Vec2, ends: [Vec2; 2]) -> f32 {
+    let span = (ends[0] - ends[1]).length_squared().max((ends[0] - traced).length_squared());
+    if span > 0.0 { ((predicted - traced).length_squared() / span).min(1.0) } else { 0.0 }
+}
+
+fn throughput_added(ends: [&Node; 2]) -> Vec3 {
+    (ends[0].throughput * ends[0].local.added + ends[1].throughput * ends[1].local.added) * 0.5
+}
+
+/// Radiance that a node would show with the mean texel.
+fn weight(node: &Node, structure: &Structure) -> Vec3 {
+    node.throughput * (node.local.textured * structure.mean_square.sqrt() + node.local.added)
+}
+
+fn contribution(node: &Node, structure: &Structure) -> f32 {
+    mean_square(weight(node, structure)).sqrt()
+}
+
+fn contribution_of(nodes: &[Option<&Node>; 3], predictor: &Predictor) -> f32 {
+    let squares =
+        nodes.iter().flatten().map(|node| mean_square(weight(node, predictor.structure(node.target))));
+    squares.fold(0.0, f32::max)
+}
+
+fn total_contribution(sample: Sample) -> f32 {
+    let primary = mean_square(sample.primary.local.radiance(sample.primary.texel)).sqrt();
+    let nodes: f32 = sample.nodes.iter().map(|node| contribution(node, &Structure::PLAIN)).sum();
+    (primary + nodes).max(f32::MIN_POSITIVE)
+}
+
+fn mean_square(color: Vec3) -> f32 {
+    let square = color.length_squared() / 3.0;
+    if square.is_finite() { square } else { f32::MAX }
+}

@@ -1,0 +1,75 @@
+//! What demo scenes share: a closed room, its lamp and the materials of its walls.
+
+use glam::Vec3;
+
+use super::shape::{Mesh, plane};
+use super::{MaterialId, SceneBuilder, matte};
+use crate::scene::Material;
+
+/// A closed box to stage a scene in; all faces look inward, so that no ray leaves the scene.
+#[derive(Debug, Clone, Copy)]
+pub struct Room {
+    /// Lower corner: left, floor, back wall.
+    pub low: Vec3,
+    /// Upper corner: right, ceiling, front wall (behind the camera).
+    pub high: Vec3,
+}
+
+impl Room {
+    /// The floor; the texture's corner lies in the room's left front corner.
+    pub fn floor(self, tile: f32) -> Mesh {
+        let size = self.high - self.low;
+        plane(Vec3::new(self.low.x, self.low.y, self.high.z), Vec3::X * size.x, Vec3::NEG_Z * size.z, tile)
+    }
+
+    /// The wall that the camera sees.
+    pub fn back(self, tile: f32) -> Mesh {
+        let size = self.high - self.low;
+        plane(self.low, Vec3::X * size.x, Vec3::Y * size.y, tile)
+    }
+
+    /// The left, right and front walls.
+    pub fn sides(self, tile: f32) -> Mesh {
+        let Self { low, high } = self;
+        let size = high - low;
+        let up = Vec3::Y * size.y;
+        plane(Vec3::new(low.x, low.y, high.z), Vec3::NEG_Z * size.z, up, tile)
+            .merged(&plane(Vec3::new(high.x, low.y, low.z), Vec3::Z * size.z, up, tile))
+            .merged(&plane(Vec3::new(high.x, low.y, high.z), Vec3::NEG_X * size.x, up, tile))
+    }
+
+    /// The ceiling.
+    pub fn ceiling(self) -> Mesh {
+        let size = self.high - self.low;
+        plane(Vec3::new(self.low.x, self.high.y, self.low.z), Vec3::X * size.x, Vec3::Z * size.z, 1.0)
+    }
+
+    /// Puts floor, walls and ceiling into `scene`; a texture covers `floor.1`, `back.1` or `sides.1` units.
+    pub fn furnish(
+        self,
+        scene: &mut SceneBuilder,
+        floor: (MaterialId, f32),
+        back: (MaterialId, f32),
+        sides: (MaterialId, f32),
+    ) {
+        let ceiling = scene.material(matte("ceiling").colored(Vec3::splat(0.75)));
+        scene
+            .mesh("floor", self.floor(floor.1), floor.0)
+            .mesh("back wall", self.back(back.1), back.0)
+            .mesh("side walls", self.sides(sides.1), sides.0)
+            .mesh("ceiling", self.ceiling(), ceiling);
+    }
+}
+
+/// A glowing panel with a point light under it.
+///
+/// Perfectly smooth surfaces show no highlight of a point light; they show the panel instead.
+/// `centre` is the panel's, `size` its width (x) and depth (z), `intensity` the point light's in candela.
+pub fn lamp(scene: &mut SceneBuilder, name: &str, centre: Vec3, size: (f32, f32), intensity: Vec3) {
+    let glow = intensity / intensity.max_element() * 6.0;
+    let panel =
+        scene.material(Material { emissive: glow, ..matte(format!("{name} panel")).colored(Vec3::ZERO) });
+    let corner = centre - Vec3::new(size.0, 0.0, size.1) * 0.5;
+    scene.mesh(format!("{name} panel"), plane(corner, Vec3::X * size.0, Vec3::Z * size.1, 1.0), panel);
+    scene.point_light(centre - Vec3::Y * 0.05, intensity);
+}

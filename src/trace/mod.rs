@@ -1,0 +1,86 @@
+//! Ray tracing on the CPU: the same closest hits, optics and shading serve the vertex sampler and the
+//! per-pixel reference.
+
+pub mod bvh;
+pub mod optics;
+pub mod reference;
+pub mod shade;
+pub mod surface;
+pub mod texel;
+
+use std::ops::AddAssign;
+
+pub use bvh::{Hit, Tracer};
+pub use surface::{Appearance, Surface};
+
+/// What decides over rays, for the vertex sampler and the reference alike (design §2).
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Settings {
+    /// Largest number of specular bounces; a specular hit at the limit shows its local component alone.
+    pub depth: u32,
+    /// Branches with a largest throughput below this are dropped, 0 to 1.
+    pub min_throughput: f32,
+    /// Which surfaces ask whether a light is hidden.
+    pub shadows: Shadows,
+    /// Whether metals follow Schlick's approximation instead of the paper's constant k_r (Eq. 1).
+    pub fresnel: bool,
+}
+
+impl Default for Settings {
+    fn default() -> Self {
+        Self { depth: 5, min_throughput: 1.0 / 255.0, shadows: Shadows::All, fresnel: false }
+    }
+}
+
+/// Which surfaces ask whether a light is hidden.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Hash, Default)]
+pub enum Shadows {
+    /// All.
+    #[default]
+    All,
+    /// Specular objects, and what they reflect or transmit.
+    Vt,
+    /// None: every light is visible from everywhere.
+    None,
+}
+
+impl Shadows {
+    /// Whether a surface asks; `vt` says that it belongs to a VT object, `bounces` how many specular
+    /// bounces lead to it from the eye.
+    pub fn apply(self, vt: bool, bounces: u32) -> bool {
+        match self {
+            Self::All => true,
+            Self::Vt => vt || bounces > 0,
+            Self::None => false,
+        }
+    }
+}
+
+/// Numbers of rays traced, by kind.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
+pub struct Rays {
+    /// From the eye.
+    pub primary: u64,
+    /// Reflected by a surface, total internal reflection included.
+    pub reflected: u64,
+    /// Transmitted by a surface.
+    pub transmitted: u64,
+    /// Towards lights.
+    pub shadow: u64,
+}
+
+impl Rays {
+    /// Rays of all kinds.
+    pub fn total(&self) -> u64 {
+        self.primary + self.reflected + self.transmitted + self.shadow
+    }
+}
+
+impl AddAssign for Rays {
+    fn add_assign(&mut self, other: Self) {
+        self.primary += other.primary;
+        self.reflected += other.reflected;
+        self.transmitted += other.transmitted;
+        self.shadow += other.shadow;
+    }
+}

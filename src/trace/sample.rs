@@ -1,0 +1,290 @@
+//! Samples: the specular paths that leave a mesh vertex, kept as texture coordinates (paper §4; design §4).
+//!
+//! No primary ray is traced: the path starts at the vertex. What it meets is kept as a list of nodes, each
+//! with the identity of its path, so that the same path can be recognised in the samples of neighbouring
+//! vertices and interpolated between them without ever looking at a texel.
+
+use glam::{Vec2, Vec3, Vec4};
+
+use super::optics::{self, BranchKind};
+use super::shade::{self, Local};
+use super::{Appearance, Rays, Settings, Surface, Tracer};
+use crate::scene::patch::{ENVIRONMENT, TargetId, Targets};
+use crate::scene::View;
+
+/// What every sample is traced with.
+#[derive(Clone, Copy)]
+pub struct Context<'a> {
+    /// The scene and its bounding volume hierarchy.
+    pub tracer: &'a Tracer<'a>,
+    /// Patches and charts of the scene.
+    pub targets: &'a Targets,
+    /// Depth, shadows and cut-offs.
+    pub settings: &'a Settings,
+    /// The frame's view.
+    pub view: &'a View,
+}
+
+/// A mesh vertex as the tracer sees it.
+#[derive(Debug, Clone, Copy)]
+pub struct Start {
+    /// Position relative to the scene's origin.
+    pub position: Vec3,
+    /// Shading normal, any length.
+    pub normal: Vec3,
+    /// Geometric normal on the side of the shading normal, any length.
+    pub geometric: Vec3,
+    /// Whether the surface is seen from behind, against its normals.
+    pub back: bool,
+    /// Both sets of texture coordinates.
+    pub uv: [Vec2; 2],
+    /// Linear vertex colour.
+    pub color: Vec4,
+    /// A face of the scene that the vertex lies on.
+    pub face: u32,
+}
+
+/// The local component at the vertex itself: C_prim of Eq. 3.
+#[derive(Debug, Clone, Copy, Default)]
+pub struct Primary {
+    /// Lights that are not hidden, a bit each.
+    pub lit: u32,
+    /// Local component under those lights.
+    pub local: Local,
+    /// Linear texel of the base colour.
+    pub texel: Vec3,
+    /// Attenuation of the reflected and of the transmitted branch: α_r and α_t of Eq. 3.
+    pub attenuation: [Vec3; 2],
+}
+
+/// What a specular path meets at one of its hits.
+#[derive(Debug, Clone, Copy)]
+pub struct Node {
+    /// Identity of the path up to the last branch: the decisions taken and the specular targets passed.
+    pub path: u32,
+    /// Where the path meets its end.
+    pub target: TargetId,
+    /// The branch that it took at the vertex.
+    pub first: BranchKind,
+    /// Number of branches from the vertex to here, at least 1.
+    pub bounces: u8,
+    /// Lights that are not hidden from the target, a bit each.
+    pub lit: u32,
+    /// Coordinates of the base colour texture at the target, texture transform included.
+    pub uv: Vec2,
+    /// Product of the attenuations along the path.
+    pub throughput: Vec3,
+    /// Local component at the target, base colour texture kept apart: C_refl or C_trans of Eq. 3.
+    pub local: Local,
+    /// Linear base colour texel there.
+    pub texel: Vec3,
+    /// Origin of the last segment.
+    pub origin: Vec3,
+    /// Unit direction of the last segment.
+    pub direction: Vec3,
+    /// Length of the last segment; infinite for the environment.
+    pub length: f32,
+    /// Length of the path from the eye to the last branch.
+    pub to_branch: f32,
+    /// Length of the path from the vertex to the target.
+    pub after: f32,
+}
+
+impl Node {
+    /// Radiance that reaches the eye by this node.
+    pub fn radiance(&self) -> Vec3 {
+        self.throughput * self.local.radiance(self.texel)
+    }
+}
+
+/// Traces the sample of one vertex, appending its nodes in depth-first order, reflection first.
+pub fn trace(context: &Context, start: &Start, nodes: &mut Vec<Node>, rays: &mut Rays) -> Primary {
+    let scene = context.tracer.scene();
+    let direction = context.view.direction_to(start.position);
+    let object = scene.geometry.face_objects[start.face as usize];
+    let sign = if start.back { -1.0 } else { 1.0 };
+    let geometric = start.geometric.normalize_or(Vec3::Y) * sign;
+    let surface = Surface {
+        face: start.face,
+        object,
+        material: scene.objects[object as usize].material,
+        vt: scene.objects[object as usize].vt,
+        outside: !start.back,
+        position: start.position,
+        ng: geometric,
+        n: start.normal.normalize_or(geometric * sign) * sign,
+        uvs: start.uv,
+        color: start.color,
+        offset: context.tracer.offset(start.face),
+    };
+    trace_surface(context, &surface, direction, context.view.distance_to(start.position), nodes, rays)
+}
+
+/// As [`trace`], from a point of a face instead of a mesh vertex.
+pub fn trace_surface(
+    context: &Context,
+    surface: &Surface,
+    direction: Vec3,
+    from_eye: f32,
+    nodes: &mut Vec<Node>,
+    rays: &mut Rays,
+) -> Primary {
+    let scene = context.tracer.scene();
+    let appearance = Appearance::new(scene, surface);
+    let lit = lights(context, surface, &appearance, 0, rays);
+    let mut primary = Primary {
+        lit,
+        local: shade::local(scene, surface, &appearance, direction, lit),
+        texel: appearance.base_texel,
+        attenuation: [Vec3::ZERO; 2],
+    };
+    if surface.vt {
+        let material = &scene.materials[surface.material as usize];
+        for branch in
+            optics::branches(context.settings, material, &appearance, surface, direction).into_iter().flatten()
+        {
+            primary.attenuation[slot(branch.kind)] = branch.attenuation;
+        }
+        let start = Path {
+            identity: 0,
+            first: None,
+            bounces: 0,
+            throughput: Vec3::ONE,
+            from_eye,
+            after: 0.0,
+        };
+        Walk { context, nodes, rays }.branch(surface, &appearance, direction, start);
+    }
+    primary
+}
+
+/// Index of a branch kind in pairs of reflected and transmitted values.
+pub fn slot(kind: BranchKind) -> usize {
+    match kind {
+        BranchKind::Reflect => 0,
+        BranchKind::Refract => 1,
+    }
+}
+
+fn lights(context: &Context, surface: &Surface, appearance: &Appearance, bounces: u32, rays: &mut Rays) -> u32 {
+    if context.settings.shadows.apply(surface.vt, bounces) {
+        shade::visible_lights(context.tracer, surface, appearance, rays)
+    } else {
+        shade::ALL_LIT
+    }
+}
+
+/// The path so far, as it arrives at a specular surface.
+#[derive(Clone, Copy)]
+struct Path {
+    identity: u32,
+    first: Option<BranchKind>,
+    bounces: u8,
+    throughput: Vec3,
+    from_eye: f32,
+    after: f32,
+}
+
+struct Walk<'w, 'a> {
+    context: &'w Context<'a>,
+    nodes: &'w mut Vec<Node>,
+    rays: &'w mut Rays,
+}
+
+impl Walk<'_, '_> {
+    fn branch(&mut self, surface: &Surface, appearance: &Appearance, direction: Vec3, path: Path) {
+        let settings = self.context.settings;
+        if u32::from(path.bounces) >= settings.depth {
+            return;
+        }
+        let material = &self.context.tracer.scene().materials[surface.material as usize];
+        let branches = optics::branches(settings, material, appearance, surface, direction);
+        for branch in branches.into_iter().flatten() {
+            let throughput = path.throughput * branch.attenuation;
+            if throughput.max_element() < settings.min_throughput {
+                continue;
+            }
+            match branch.kind {
+                BranchKind::Reflect => self.rays.reflected += 1,
+                BranchKind::Refract => self.rays.transmitted += 1,
+            }
+            let path = Path {
+                identity: mix(path.identity, 1 + slot(branch.kind) as u32),
+                first: path.first.or(Some(branch.kind)),
+                bounces: path.bounces + 1,
+                throughput,
+                ..path
+            };
+            self.follow(&branch, path);
+        }
+    }
+
+    fn follow(&mut self, branch: &optics::Branch, mut path: Path) {
+        let tracer = self.context.tracer;
+        let scene = tracer.scene();
+        let mut node = Node {
+            path: path.identity,
+            target: ENVIRONMENT,
+            first: path.first.unwrap_or(branch.kind),
+            bounces: path.bounces,
+            lit: shade::ALL_LIT,
+            uv: Vec2::ZERO,
+            throughput: path.throughput,
+            local: Local::default(),
+            texel: Vec3::ONE,
+            origin: branch.origin,
+            direction: branch.direction,
+            length: f32::INFINITY,
+            to_branch: path.from_eye,
+            after: f32::INFINITY,
+        };
+        let Some(hit) = tracer.closest(branch.origin, branch.direction) else {
+            node.throughput *= branch.transmittance(f32::INFINITY);
+            node.local.added = shade::background(scene, branch.direction);
+            self.push(node, Local::default);
+            return;
+        };
+        path.throughput *= branch.transmittance(hit.t);
+        path.from_eye += hit.t;
+        path.after += hit.t;
+        let surface = Surface::new(tracer, hit.face, hit.u, hit.v, branch.direction);
+        let appearance = Appearance::new(scene, &surface);
+        node.target = self.context.targets.of(hit.face);
+        node.lit =
+            lights(self.context, &surface, &appearance, u32::from(path.bounces), self.rays);
+        node.local = shade::local(scene, &surface, &appearance, branch.direction, node.lit);
+        node.texel = appearance.base_texel;
+        node.throughput = path.throughput;
+        node.length = hit.t;
+        node.after = path.after;
+        if let Some(slot) = &scene.materials[surface.material as usize].base_color_texture {
+            node.uv = slot.transform(surface.uvs[usize::from(slot.uv_set)]);
+        }
+        let target = node.target;
+        let lit_by_all = || shade::local(scene, &surface, &appearance, branch.direction, shade::ALL_LIT);
+        self.push(node, lit_by_all);
+        if surface.vt {
+            path.identity = mix(path.identity, target << 1 | u32::from(surface.outside));
+            self.branch(&surface, &appearance, branch.direction, path);
+        }
+    }
+
+    /// Keeps a node unless nothing of it would be seen even without shadows: a place in full shadow is
+    /// dark, but its path must still match that of its lit neighbours.
+    fn push(&mut self, node: Node, unshadowed: impl FnOnce() -> Local) {
+        let shows = |local: Local| (local.textured + local.added).max_element() > 0.0;
+        if shows(node.local) || node.lit != shade::ALL_LIT && shows(unshadowed()) {
+            self.nodes.push(node);
+        }
+    }
+}
+
+/// Folds `value` into a path's identity (the finaliser of MurmurHash3 over the sum).
+fn mix(identity: u32, value: u32) -> u32 {
+    let mut h = identity.rotate_left(13).wrapping_mul(5).wrapping_add(0xe654_6b64) ^ value.wrapping_mul(0xcc9e_2d51);
+    h ^= h >> 16;
+    h = h.wrapping_mul(0x85eb_ca6b);
+    h ^= h >> 13;
+    h = h.wrapping_mul(0xc2b2_ae35);
+    h ^ h >> 16
+}

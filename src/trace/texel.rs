@@ -1,0 +1,115 @@
+//! Texture and environment lookups: bilinear at level 0, decoded from sRGB before filtering.
+
+use std::f32::consts::{PI, TAU};
+use std::sync::LazyLock;
+
+use glam::{Vec2, Vec3, Vec4};
+
+use crate::scene::{Environment, Filter, Scene, TextureSlot, Wrap};
+
+/// Value of every byte: as it is meant linearly, and decoded from sRGB (IEC 61966-2-1).
+struct Decoded {
+    linear: [f32; 256],
+    srgb: [f32; 256],
+}
+
+static DECODED: LazyLock<Decoded> = LazyLock::new(|| Decoded {
+    linear: std::array::from_fn(|byte| byte as f32 / 255.0),
+    srgb: std::array::from_fn(|byte| {
+        let encoded = byte as f64 / 255.0;
+        let linear = if encoded <= 0.04045 { encoded / 12.92 } else { ((encoded + 0.055) / 1.055).powf(2.4) };
+        linear as f32
+    }),
+});
+
+/// Linear RGBA of the texture in `slot` at the mesh's coordinates `uv`.
+///
+/// Filtered bilinearly between texel centres at level 0, or not at all where the sampler magnifies by the
+/// nearest texel.
+pub fn lookup(scene: &Scene, slot: &TextureSlot, uv: Vec2) -> Vec4 {
+    let texture = &scene.textures[slot.texture as usize];
+    let image = &scene.images[texture.image as usize];
+    let sampler = &texture.sampler;
+    let uv = slot.transform(uv);
+    let (width, height) = (image.width, image.height);
+    let decoded = &*DECODED;
+    let color = if texture.srgb { &decoded.srgb } else { &decoded.linear };
+    let texel = |x: u32, y: u32| {
+        let i = (y as usize * width as usize + x as usize) * 4;
+        let [r, g, b, a]: [u8; 4] = image.rgba[i..i + 4].try_into().expect("four bytes a texel");
+        Vec4::new(
+            color[usize::from(r)],
+            color[usize::from(g)],
+            color[usize::from(b)],
+            decoded.linear[usize::from(a)],
+        )
+    };
+    if sampler.mag == Filter::Nearest {
+        let x = wrap(sampler.wrap_u, (uv.x * width as f32).floor(), width);
+        let y = wrap(sampler.wrap_v, (uv.y * height as f32).floor(), height);
+        return texel(x, y);
+    }
+    let at = uv * Vec2::new(width as f32, height as f32) - 0.5;
+    let low = at.floor();
+    let part = at - low;
+    let (x0, x1) = (wrap(sampler.wrap_u, low.x, width), wrap(sampler.wrap_u, low.x + 1.0, width));
+    let (y0, y1) = (wrap(sampler.wrap_v, low.y, height), wrap(sampler.wrap_v, low.y + 1.0, height));
+    bilinear(part, [texel(x0, y0), texel(x1, y0), texel(x0, y1), texel(x1, y1)])
+}
+
+/// Linear radiance of the panorama in the unit direction `direction`, bilinear.
+pub fn environment(panorama: &Environment, direction: Vec3) -> Vec3 {
+    let (width, height) = (panorama.width, panorama.height);
+    // The image's centre is −z, +x lies to its right, +y at its top.
+    let u = 0.5 + direction.x.atan2(-direction.z) / TAU;
+    let v = direction.y.clamp(-1.0, 1.0).acos() / PI;
+    let at = Vec2::new(u * width as f32, v * height as f32) - 0.5;
+    let low = at.floor();
+    let texel = |x: f32, y: f32| {
+        let (x, y) = (wrap(Wrap::Repeat, x, width), wrap(Wrap::Clamp, y, height));
+        panorama.radiance[y as usize * width as usize + x as usize].extend(0.0)
+    };
+    let corners = [
+        texel(low.x, low.y),
+        texel(low.x + 1.0, low.y),
+        texel(low.x, low.y + 1.0),
+        texel(low.x + 1.0, low.y + 1.0),
+    ];
+    bilinear(at - low, corners).truncate()
+}
+
+fn bilinear(part: Vec2, [a, b, c, d]: [Vec4; 4]) -> Vec4 {
+    let (s, t) = (part.x, part.y);
+    a * ((1.0 - s) * (1.0 - t)) + b * (s * (1.0 - t)) + c * ((1.0 - s) * t) + d * (s * t)
+}
+
+/// The texel among `size` that the whole number `at` stands for.
+#[inline]
+fn wrap(mode: Wrap, at: f32, size: u32) -> u32 {
+    // Casts saturate and turn NaN into 0: broken coordinates read some texel, never none.
+    let (at, size) = (at as i64, i64::from(size));
+    let inside = match mode {
+        Wrap::Clamp => at.clamp(0, size - 1),
+        Wrap::Repeat if (0..size).contains(&at) => at,
+        Wrap::Repeat => at.rem_euclid(size),
+        Wrap::Mirror => {
+            let period = at.rem_euclid(2 * size);
+            if period < size { period } else { 2 * size - 1 - period }
+        }
+    };
+    inside as u32
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn wraps_both_ways() {
+        let row = |mode| (-3..6).map(|at| wrap(mode, at as f32, 3)).collect::<Vec<_>>();
+        assert_eq!(row(Wrap::Clamp), [0, 0, 0, 0, 1, 2, 2, 2, 2]);
+        assert_eq!(row(Wrap::Repeat), [0, 1, 2, 0, 1, 2, 0, 1, 2]);
+        assert_eq!(row(Wrap::Mirror), [2, 1, 0, 0, 1, 2, 2, 1, 0]);
+        assert!(wrap(Wrap::Mirror, f32::NAN, 3) < 3 && wrap(Wrap::Repeat, f32::INFINITY, 3) < 3);
+    }
+}
