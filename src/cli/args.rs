@@ -8,6 +8,7 @@ use glam::{DVec3, Vec3};
 
 use super::values::{self, Size};
 use crate::{
+    error::{Error, Result},
     options::{
         CameraChoice, EffortOptions, Equation, FilterMode, MAX_NODES, MethodOptions, Mode, Msaa, PathOptions,
         Reconstruction, SceneOptions, Shadows, Ss, ViewOptions, VisibilityWay,
@@ -196,5 +197,28 @@ impl SceneArgs {
             max_triangles: self.max_triangles,
             max_texture_bytes: self.max_texture_bytes,
         }
+    }
+}
+
+#[derive(Debug, Args)]
+#[command(next_help_heading = "Machine")]
+#[allow(missing_docs)]
+pub struct ThreadArgs {
+    /// Threads to work with [default: one for each core]
+    #[arg(long, value_name = "N", value_parser = value_parser!(u16).range(1..=1024))]
+    pub threads: Option<u16>,
+}
+
+impl ThreadArgs {
+    /// Starts the threads that the whole process shares.
+    ///
+    /// # Errors
+    /// [`Error::Option`] if the system grants no such number.
+    pub fn apply(&self) -> Result<()> {
+        let Some(threads) = self.threads else { return Ok(()) };
+        rayon::ThreadPoolBuilder::new()
+            .num_threads(threads.into())
+            .build_global()
+            .map_err(|error| Error::Option(format!("--threads {threads}: {error}")))
     }
 }

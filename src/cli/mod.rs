@@ -6,6 +6,8 @@
 pub mod args;
 mod compare;
 pub mod output;
+mod reference;
+mod scene;
 mod terminal;
 pub mod values;
 
@@ -26,6 +28,7 @@ pub struct Cli {
 
 #[derive(Debug, Subcommand)]
 enum Command {
+    Reference(Box<reference::ReferenceArgs>),
     Compare(compare::CompareArgs),
 }
 
@@ -53,10 +56,9 @@ impl Failure {
     /// Arguments that are each valid and do not go together.
     fn conflict(subcommand: &str, problem: String) -> Self {
         let mut command = Cli::command();
-        command.build();
-        let command =
-            command.find_subcommand_mut(subcommand).map_or_else(Cli::command, |found| found.clone());
-        Self::Usage(command.clone().error(ErrorKind::ArgumentConflict, problem))
+        command.build(); // gives the subcommand its full name in the usage line
+        let found = command.find_subcommand_mut(subcommand).expect("the subcommand that was parsed");
+        Self::Usage(found.error(ErrorKind::ArgumentConflict, problem))
     }
 }
 
@@ -66,6 +68,7 @@ pub fn main() -> ExitCode {
     let outcome = terminal::catch(|| {
         let cli = Cli::try_parse()?;
         match cli.command {
+            Command::Reference(args) => reference::run(&args)?,
             Command::Compare(args) => compare::run(&args)?,
         }
         Ok(())

@@ -3,9 +3,15 @@
 use std::{
     fmt::Display,
     io::{self, Write},
-    panic,
-    sync::Once,
+    panic, process,
+    sync::{
+        Arc, Once,
+        atomic::{AtomicBool, Ordering},
+    },
+    time::Duration,
 };
+
+use indicatif::{ProgressBar, ProgressStyle};
 
 use crate::error::{Error, Result};
 
@@ -40,6 +46,57 @@ pub fn catch<T>(work: impl FnOnce() -> T) -> Option<T> {
 pub fn complain(problem: &dyn Display) {
     let line = problem.to_string().replace(['\n', '\r'], " ");
     let _ = writeln!(io::stderr(), "error: {line}");
+}
+
+/// Writes `note: text` to stderr.
+pub fn note(text: &str) {
+    let _ = writeln!(io::stderr(), "note: {text}");
+}
+
+/// A flag that Ctrl-C and SIGTERM set for long work to see; a second one ends the process at once.
+pub fn interrupt() -> Arc<AtomicBool> {
+    let flag = Arc::new(AtomicBool::new(false));
+    let handler = {
+        let flag = Arc::clone(&flag);
+        move || {
+            if flag.swap(true, Ordering::Relaxed) {
+                process::exit(130);
+            }
+        }
+    };
+    if let Err(error) = ctrlc::set_handler(handler) {
+        log::warn!("Ctrl-C will end the program without cleaning up: {error}");
+    }
+    flag
+}
+
+/// A progress bar on stderr, where that is a terminal; gone when dropped.
+pub struct Progress(ProgressBar);
+
+impl Progress {
+    const UNITS: u64 = 1000;
+
+    /// A bar for the stage `name`.
+    pub fn new(name: &'static str) -> Self {
+        // indicatif draws nothing where stderr is not a terminal.
+        let bar = ProgressBar::new(Self::UNITS).with_message(name);
+        if let Ok(style) = ProgressStyle::with_template("{msg} {wide_bar} {percent:>3} %  {eta} left") {
+            bar.set_style(style);
+        }
+        bar.enable_steady_tick(Duration::from_millis(200));
+        Self(bar)
+    }
+
+    /// Shows that `share` of the stage is done, 0 to 1.
+    pub fn set(&self, share: f32) {
+        self.0.set_position((share * Self::UNITS as f32) as u64);
+    }
+}
+
+impl Drop for Progress {
+    fn drop(&mut self) {
+        self.0.finish_and_clear();
+    }
 }
 
 /// Writes a result to stdout; a reader that closed the pipe has read enough.

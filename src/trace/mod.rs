@@ -10,6 +10,9 @@ pub mod texel;
 
 use std::ops::AddAssign;
 
+pub use crate::options::Shadows;
+use crate::options::{PathOptions, SceneOptions};
+
 pub use bvh::{Hit, Tracer};
 pub use surface::{Appearance, Surface};
 
@@ -26,22 +29,22 @@ pub struct Settings {
     pub fresnel: bool,
 }
 
-impl Default for Settings {
-    fn default() -> Self {
-        Self { depth: 5, min_throughput: 1.0 / 255.0, shadows: Shadows::All, fresnel: false }
+impl Settings {
+    /// What these options say of rays.
+    pub fn new(paths: &PathOptions, scene: &SceneOptions) -> Self {
+        Self {
+            depth: paths.depth,
+            min_throughput: paths.min_throughput,
+            shadows: scene.shadows,
+            fresnel: scene.fresnel,
+        }
     }
 }
 
-/// Which surfaces ask whether a light is hidden.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Hash, Default)]
-pub enum Shadows {
-    /// All.
-    #[default]
-    All,
-    /// Specular objects, and what they reflect or transmit.
-    Vt,
-    /// None: every light is visible from everywhere.
-    None,
+impl Default for Settings {
+    fn default() -> Self {
+        Self::new(&PathOptions::default(), &SceneOptions::default())
+    }
 }
 
 impl Shadows {
