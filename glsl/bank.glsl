@@ -5,31 +5,28 @@
 #ifndef BANK_GLSL
 #define BANK_GLSL
 
-layout(set = 0, binding = 2) uniform sampler2DArray bank_0;
-layout(set = 0, binding = 3) uniform sampler2DArray bank_1;
-layout(set = 0, binding = 4) uniform sampler2DArray bank_2;
-layout(set = 0, binding = 5) uniform sampler2DArray bank_3;
-layout(set = 0, binding = 6) uniform sampler2DArray bank_4;
-layout(set = 0, binding = 7) uniform sampler2DArray bank_5;
-layout(set = 0, binding = 8) uniform sampler2DArray bank_6;
-layout(set = 0, binding = 9) uniform sampler2DArray bank_7;
+layout(set = 0, binding = 2) uniform sampler2DArray bank[MAX_BANK_ARRAYS];
 
 // Number of arrays in use: later ones are compiled out.
-layout(constant_id = 0) const uint BANK_ARRAYS = 8;
+layout(constant_id = 0) const uint BANK_ARRAYS = MAX_BANK_ARRAYS;
 
 // Texel of texture `reference` (array in the low byte, layer above), or white for NO_TEXTURE.
 vec4 bank_texel(uint reference, vec2 uv, vec2 dx, vec2 dy) {
     if (reference == NO_TEXTURE) return vec4(1.0);
     vec3 at = vec3(uv, float(reference >> 8));
     uint array = reference & 0xffu;
-    if (BANK_ARRAYS > 1u && array == 1u) return textureGrad(bank_1, at, dx, dy);
-    if (BANK_ARRAYS > 2u && array == 2u) return textureGrad(bank_2, at, dx, dy);
-    if (BANK_ARRAYS > 3u && array == 3u) return textureGrad(bank_3, at, dx, dy);
-    if (BANK_ARRAYS > 4u && array == 4u) return textureGrad(bank_4, at, dx, dy);
-    if (BANK_ARRAYS > 5u && array == 5u) return textureGrad(bank_5, at, dx, dy);
-    if (BANK_ARRAYS > 6u && array == 6u) return textureGrad(bank_6, at, dx, dy);
-    if (BANK_ARRAYS > 7u && array == 7u) return textureGrad(bank_7, at, dx, dy);
-    return textureGrad(bank_0, at, dx, dy);
+    if (BANK_ARRAYS > 1u && array == 1u) return textureGrad(bank[1], at, dx, dy);
+    if (BANK_ARRAYS > 2u && array == 2u) return textureGrad(bank[2], at, dx, dy);
+    if (BANK_ARRAYS > 3u && array == 3u) return textureGrad(bank[3], at, dx, dy);
+    if (BANK_ARRAYS > 4u && array == 4u) return textureGrad(bank[4], at, dx, dy);
+    if (BANK_ARRAYS > 5u && array == 5u) return textureGrad(bank[5], at, dx, dy);
+    if (BANK_ARRAYS > 6u && array == 6u) return textureGrad(bank[6], at, dx, dy);
+    if (BANK_ARRAYS > 7u && array == 7u) return textureGrad(bank[7], at, dx, dy);
+    if (BANK_ARRAYS > 8u && array == 8u) return textureGrad(bank[8], at, dx, dy);
+    if (BANK_ARRAYS > 9u && array == 9u) return textureGrad(bank[9], at, dx, dy);
+    if (BANK_ARRAYS > 10u && array == 10u) return textureGrad(bank[10], at, dx, dy);
+    if (BANK_ARRAYS > 11u && array == 11u) return textureGrad(bank[11], at, dx, dy);
+    return textureGrad(bank[0], at, dx, dy);
 }
 
 #endif

@@ -11,9 +11,8 @@ layout(constant_id = 3) const uint COMPONENTS = 31;
 // Eq. 4 multiplies the combined colour by the first texture of its branch; Eq. 3 adds it.
 layout(constant_id = 4) const bool EQUATION_FOUR = false;
 
-layout(set = 1, binding = 2) uniform usampler2D node_table;
-layout(set = 1, binding = 3) uniform sampler2D traced_pixels;
-layout(set = 0, binding = 10) uniform sampler2D environment;
+layout(set = 1, binding = 2) uniform usamplerBuffer node_table;
+layout(set = 0, binding = 3) uniform sampler2DArray environment;
 
 layout(location = 0) in vec3 position;
 layout(location = 1) in vec3 normal;
@@ -28,7 +27,8 @@ layout(location = 9) flat in vec3 facet;
 
 layout(location = 0) out vec4 radiance;
 
-vec4 node_floats(uint index) { return uintBitsToFloat(table_texel(node_table, index)); }
+uvec4 node_words(uint index) { return texelFetch(node_table, int(index)); }
+vec4 node_floats(uint index) { return uintBitsToFloat(node_words(index)); }
 
 // Share of each light that is not hidden, from a byte a corner.
 void unpack_lit(uint masks, out float lit[MAX_LIGHTS]) {
@@ -100,9 +100,16 @@ vec3 planar_radiance(uvec4 head, Ray ray, out vec3 texel) {
     return local_radiance(m, best.point, n, direction, lit);
 }
 
+// Radiance of the panorama: its centre is -z, up is +y. The seam of atan has no gradient, so that none is used.
+vec3 environment_radiance(vec3 direction) {
+    float u = 0.5 + atan(direction.x, -direction.z) / (2.0 * PI);
+    float v = acos(clamp(direction.y, -1.0, 1.0)) / PI;
+    return textureLod(environment, vec3(u, v, 0.0), 0.0).rgb;
+}
+
 // What one node adds, before α, and the texel that it looked up.
 vec3 node_radiance(inout uint at, Branches branches, out uint branch, out vec3 texel, out bool first_bounce) {
-    uvec4 head = table_texel(node_table, at);
+    uvec4 head = node_words(at);
     uint kind = head.x & 7u;
     branch = (head.x >> 3) & 1u;
     at += 1u;
@@ -113,7 +120,17 @@ vec3 node_radiance(inout uint at, Branches branches, out uint branch, out vec3 t
         Ray ray = Ray(position, branch == 0u ? branches.reflected : branches.refracted);
         return planar_radiance(head, ray, texel);
     }
-    if (kind == NODE_FIRST_ENVIRONMENT) return vec3(0.0);
+    if (kind == NODE_FIRST_ENVIRONMENT)
+        return environment_radiance(branch == 0u ? branches.reflected : branches.refracted);
+    if (kind == NODE_ENVIRONMENT) {
+        vec3 throughput = vec3(0.0), direction = vec3(0.0);
+        for (uint i = 0u; i < 3u; ++i) {
+            throughput += weights[i] * node_floats(at + 2u * i).rgb;
+            direction += weights[i] * node_floats(at + 2u * i + 1u).xyz;
+        }
+        at += 6u;
+        return throughput * environment_radiance(normalize(direction));
+    }
     if (kind == NODE_PLANE) {
         vec3 throughput = vec3(0.0);
         vec3 origin = vec3(0.0), direction = vec3(0.0);
@@ -169,7 +186,7 @@ void main() {
         unpack_lit(header.y, lit);
         sum += local_radiance(m, position, n, d, lit);
     }
-    if (NODES > 0u || (header.w & LEAF_SPECULAR) != 0u) {
+    if ((header.w & LEAF_SPECULAR) != 0u) {
         Branches branches = branches_at(m, n, ng, d, outside);
         vec3 first_texel[2] = vec3[2](vec3(1.0), vec3(1.0));
         vec3 textured[2] = vec3[2](vec3(0.0), vec3(0.0));
@@ -192,8 +209,12 @@ void main() {
         }
     }
     if ((header.w & LEAF_TRACED) != 0u) {
-        vec4 traced = texelFetch(traced_pixels, ivec2(gl_FragCoord.xy), 0);
-        if (traced.a > 0.0) sum = (COMPONENTS & COMPONENT_PRIMARY) != 0u ? traced.rgb : vec3(0.0);
+        uvec4 block = node_words(header.z);
+        uvec2 cell = uvec2(gl_FragCoord.xy) - block.xy;
+        if (all(lessThan(cell, block.zw))) {
+            vec4 traced = node_floats(header.z + 1u + cell.y * block.z + cell.x);
+            if (traced.w > 0.0) sum = (COMPONENTS & COMPONENT_PRIMARY) != 0u ? traced.rgb : vec3(0.0);
+        }
     }
     float alpha = (m.flags & MATERIAL_BLEND) != 0u ? clamp(m.alpha, 0.0, 1.0) : 1.0;
     radiance = vec4(clamp(sum, vec3(-MAX_RADIANCE), vec3(MAX_RADIANCE)), alpha);

@@ -19,22 +19,16 @@ layout(set = 0, binding = 0, scalar) uniform Frame {
     uint light_count;
     vec3 forward;
     uint orthographic;
-    vec3 ambient;
-    uint target_base;   // first texel of the targets in the scene table
-    vec3 background;
-    uint width;
+    float ambient;
     Light lights[MAX_LIGHTS];
 } frame;
 
-// Materials and targets, fixed for a scene. A texture, not a buffer: what it holds feeds derivatives.
-layout(set = 0, binding = 1) uniform usampler2D scene_table;
+// Materials and targets, fixed for a scene. A texel buffer, not a storage buffer: what it holds feeds
+// derivatives, and software devices compute those wrongly from storage buffers.
+layout(set = 0, binding = 1) uniform usamplerBuffer scene_table;
 
-uvec4 table_texel(usampler2D table, uint index) {
-    return texelFetch(table, ivec2(index & (TABLE_WIDTH - 1u), index / TABLE_WIDTH), 0);
-}
-
-vec4 scene_floats(uint index) { return uintBitsToFloat(table_texel(scene_table, index)); }
-uvec4 scene_words(uint index) { return table_texel(scene_table, index); }
+vec4 scene_floats(uint index) { return uintBitsToFloat(texelFetch(scene_table, int(index))); }
+uvec4 scene_words(uint index) { return texelFetch(scene_table, int(index)); }
 
 // Unit direction of the view ray that arrives at a point.
 vec3 view_direction(vec3 position) {

@@ -1,5 +1,12 @@
 #version 460
-// Positions only: the ID buffer knows faces, not materials.
-layout(location = 0) in vec3 position;
-layout(push_constant) uniform Push { mat4 clip_from_world; } push;
-void main() { gl_Position = push.clip_from_world * vec4(position, 1.0); }
+#extension GL_GOOGLE_include_directive : require
+// ID buffer (design §3). The ID goes through a flat varying: gl_PrimitiveID costs far more on lavapipe.
+#include "face_fetch.glsl"
+
+layout(location = 0) flat out vec4 id;
+
+void main() {
+    uint entry = draw_entry();
+    id = id_color(entry);
+    gl_Position = clip_position(draw_vertex(entry));
+}

@@ -32,11 +32,18 @@ shared_constants! {
     DEFAULT_AMBIENT: f32 = 0.3;
     /// Phong exponents above this are a point-like highlight that f32 cannot hold.
     MAX_PHONG_EXPONENT: f32 = 1e6;
+    /// Alpha of the ID buffer where no face needs samples: background and plain occluders.
+    CODE_NONE: u32 = 0;
+    /// Alpha of the ID buffer on diffuse faces that need samples for their shadows alone.
+    CODE_SHADOW: u32 = 128;
+    /// Alpha of the ID buffer on faces of specular VT objects (paper §3.1: the primary-face code).
+    CODE_VT: u32 = 255;
     /// Largest magnitude that an RGBA16F target holds without overflow to infinity.
     MAX_RADIANCE: f32 = 65504.0;
 
-    /// Texels in a row of the scene table and of the node table; a power of two.
-    TABLE_WIDTH: u32 = 1024;
+    /// Array textures that a scene's textures are packed into; with the environment's, fewer than the 16
+    /// samplers that every Vulkan device has.
+    MAX_BANK_ARRAYS: u32 = 12;
     /// A texture reference that means white.
     NO_TEXTURE: u32 = 0xffff_ffff;
     /// Texel of a material at which its texture slots' transforms begin, two texels a slot.

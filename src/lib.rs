@@ -4,7 +4,11 @@
 pub mod cli;
 pub mod constants;
 pub mod error;
+pub mod gpu;
 pub mod options;
+pub mod reconstruct;
+pub mod refine;
 pub mod report;
 pub mod scene;
 pub mod trace;
+pub mod visibility;

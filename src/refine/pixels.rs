@@ -14,6 +14,8 @@ use crate::visibility::IdImage;
 pub struct TracedPixel {
     /// `y · width + x`.
     pub index: u32,
+    /// The leaf that covers its centre.
+    pub face: u32,
     /// Linear radiance.
     pub radiance: Vec3,
 }
@@ -70,7 +72,6 @@ fn pixel_of(view: &View, image: Vec3) -> Option<(u32, u32)> {
 /// Traces the pixels whose centres lie in the leaves `faces`, from the point of the base face that the ID
 /// buffer shows there: no primary ray is traced.
 pub fn trace(context: &Context, mesh: &Mesh, ids: IdImage, faces: &[u32]) -> (Vec<TracedPixel>, Rays) {
-    let wanted: rustc_hash::FxHashSet<u32> = faces.iter().copied().collect();
     let chunks: Vec<(Vec<TracedPixel>, Rays)> = faces
         .par_chunks(16)
         .map(|faces| {
@@ -87,7 +88,6 @@ pub fn trace(context: &Context, mesh: &Mesh, ids: IdImage, faces: &[u32]) -> (Ve
                     if mesh.leaf_at(base, image) != Some(face) {
                         continue;
                     }
-                    debug_assert!(wanted.contains(&face));
                     let Some(surface) = surface_at(context, base, origin, direction) else { continue };
                     nodes.clear();
                     let from_eye = context.view.distance_to(surface.position);
@@ -96,7 +96,7 @@ pub fn trace(context: &Context, mesh: &Mesh, ids: IdImage, faces: &[u32]) -> (Ve
                     let radiance = nodes.iter().fold(primary.local.radiance(primary.texel), |sum, node| {
                         sum + node.radiance()
                     });
-                    pixels.push(TracedPixel { index: y * context.view.width + x, radiance });
+                    pixels.push(TracedPixel { index: y * context.view.width + x, face, radiance });
                 }
             }
             (pixels, rays)

@@ -77,7 +77,7 @@ impl Predictor<'_> {
             let [Some(a), Some(b)] = pair else { continue };
             let share = contribution(node, self.structure(node.target)) / total;
             let (color, shift) = match self.reconstruction {
-                Reconstruction::Exact => self.exact(node, [a, b], ends.map(|end| end.distance)),
+                Reconstruction::Exact => self.exact(node, [a, b], self.eye_distances(ends, [a, b])),
                 Reconstruction::Paper => self.paper(node, [a, b]),
             };
             deviation.add(Deviation { color, shift: shift * pixels * pixels * share });
@@ -92,6 +92,11 @@ impl Predictor<'_> {
             deviation.color += mean_square(textured * rms + added);
         }
         deviation
+    }
+
+    /// e of design §5 at both ends; for a parallel view such that e/d = 1.
+    fn eye_distances(&self, ends: [Corner; 2], nodes: [&Node; 2]) -> [f32; 2] {
+        [0, 1].map(|i| if self.view.orthographic { nodes[i].to_branch } else { ends[i].distance })
     }
 
     /// Squared colour error and squared displacement (in edge lengths) of `node` against the exact

@@ -4,6 +4,7 @@
 pub mod bvh;
 pub mod optics;
 pub mod reference;
+pub mod sample;
 pub mod shade;
 pub mod surface;
 pub mod texel;

@@ -1,0 +1,263 @@
+//! Which device serves: what is required of it, and the order of preference.
+
+use std::ffi::CStr;
+
+use ash::vk;
+
+use super::instance::{INSTALL_DRIVER, Instance};
+use crate::error::{Error, Result};
+
+/// A Vulkan device of this machine.
+#[derive(Debug, Clone)]
+pub struct DeviceInfo {
+    /// Its index, for `--device`.
+    pub index: usize,
+    /// Its name, such as `llvmpipe (LLVM 15.0.6, 256 bits)`.
+    pub name: String,
+    /// Its driver's name and version.
+    pub driver: String,
+    /// What it is made of.
+    pub kind: DeviceKind,
+    /// Vulkan version: major, minor, patch.
+    pub api_version: [u32; 3],
+    /// Whether it can serve, and if not, why.
+    pub usable: Result<(), String>,
+}
+
+/// What a device is made of, best first.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord)]
+pub enum DeviceKind {
+    /// A graphics card.
+    Discrete,
+    /// A GPU that shares the CPU's memory.
+    Integrated,
+    /// A GPU handed to a virtual machine.
+    Virtual,
+    /// A software rasteriser.
+    Cpu,
+    /// Something else.
+    Other,
+}
+
+/// Every Vulkan device of this machine, whether it can serve or not.
+///
+/// # Errors
+/// [`Error::NoDevice`] without a loader or driver.
+pub fn devices() -> Result<Vec<DeviceInfo>> {
+    Ok(list(&Instance::new(false)?)?.into_iter().map(|candidate| candidate.info).collect())
+}
+
+pub(super) struct Candidate {
+    pub(super) handle: vk::PhysicalDevice,
+    pub(super) info: DeviceInfo,
+    pub(super) queue_family: u32,
+    /// Bits of a timestamp that count; 0 without timestamps.
+    pub(super) timestamp_bits: u32,
+    pub(super) properties: vk::PhysicalDeviceProperties,
+    pub(super) features: vk::PhysicalDeviceFeatures,
+}
+
+/// The device named by `wanted` (an index, or a part of a name in any case), else the best one.
+pub(super) fn choose(instance: &Instance, wanted: Option<&str>) -> Result<Candidate> {
+    let mut candidates = list(instance)?;
+    let infos: Vec<&DeviceInfo> = candidates.iter().map(|candidate| &candidate.info).collect();
+    let index = pick(&infos, wanted)?;
+    Ok(candidates.swap_remove(index))
+}
+
+fn pick(infos: &[&DeviceInfo], wanted: Option<&str>) -> Result<usize> {
+    let list = |entry: fn(&DeviceInfo) -> String| infos.iter().map(|info| entry(info)).collect::<Vec<_>>().join("; ");
+    if infos.is_empty() {
+        return Err(Error::NoDevice(format!("no Vulkan device; install a software one with `{INSTALL_DRIVER}`")));
+    }
+    if let Some(wanted) = wanted {
+        let named = |info: &DeviceInfo| info.name.to_lowercase().contains(&wanted.to_lowercase());
+        let index = match wanted.parse::<usize>() {
+            Ok(index) if index < infos.len() => Some(index),
+            _ => infos.iter().position(|info| named(info)),
+        };
+        let index = index.ok_or_else(|| {
+            let known = list(|info| format!("{} {}", info.index, info.name));
+            Error::NoDevice(format!("no Vulkan device is called {wanted:?}; there are: {known}"))
+        })?;
+        return match &infos[index].usable {
+            Ok(()) => Ok(index),
+            Err(reason) => Err(Error::NoDevice(format!("Vulkan device {}: {reason}", infos[index].name))),
+        };
+    }
+    let usable = (0..infos.len()).filter(|&index| infos[index].usable.is_ok());
+    usable.min_by_key(|&index| (infos[index].kind, index)).ok_or_else(|| {
+        let reasons = list(|info| format!("{}: {}", info.name, info.usable.as_ref().err().cloned().unwrap_or_default()));
+        Error::NoDevice(format!("no Vulkan device can serve ({reasons}); install a software one with `{INSTALL_DRIVER}`"))
+    })
+}
+
+fn list(instance: &Instance) -> Result<Vec<Candidate>> {
+    // SAFETY: a live instance.
+    let handles = unsafe { instance.handle.enumerate_physical_devices() }
+        .map_err(|code| Error::Vulkan { call: "vkEnumeratePhysicalDevices".into(), code })?;
+    Ok(handles.into_iter().enumerate().map(|(index, handle)| inspect(instance, index, handle)).collect())
+}
+
+fn inspect(instance: &Instance, index: usize, handle: vk::PhysicalDevice) -> Candidate {
+    // SAFETY: `handle` was enumerated from this instance; a 1.0 query.
+    let properties = unsafe { instance.handle.get_physical_device_properties(handle) };
+    let mut driver = String::new();
+    let mut features = vk::PhysicalDeviceFeatures::default();
+    let mut usable = Err(format!("speaks Vulkan {}, not 1.3", version(properties.api_version)));
+    if properties.api_version >= vk::API_VERSION_1_3 {
+        let mut driver_properties = vk::PhysicalDeviceDriverProperties::default();
+        let mut properties2 = vk::PhysicalDeviceProperties2::default().push_next(&mut driver_properties);
+        let mut features12 = vk::PhysicalDeviceVulkan12Features::default();
+        let mut features13 = vk::PhysicalDeviceVulkan13Features::default();
+        let mut features2 =
+            vk::PhysicalDeviceFeatures2::default().push_next(&mut features12).push_next(&mut features13);
+        // SAFETY: the device speaks 1.3, which knows all chained structures.
+        unsafe {
+            instance.handle.get_physical_device_properties2(handle, &mut properties2);
+            instance.handle.get_physical_device_features2(handle, &mut features2);
+        }
+        features = features2.features;
+        let text = |text: Result<&CStr, _>| text.map_or(String::new(), |text: &CStr| text.to_string_lossy().into_owned());
+        driver = format!(
+            "{} {}",
+            text(driver_properties.driver_name_as_c_str()),
+            text(driver_properties.driver_info_as_c_str())
+        );
+        let missing = missing(&features, &features12, &features13);
+        usable = if missing.is_empty() { Ok(()) } else { Err(format!("lacks {}", missing.join(", "))) };
+    }
+    // SAFETY: as above.
+    let families = unsafe { instance.handle.get_physical_device_queue_family_properties(handle) };
+    let wanted = vk::QueueFlags::GRAPHICS | vk::QueueFlags::COMPUTE;
+    let family = families.iter().position(|family| family.queue_flags.contains(wanted));
+    if usable.is_ok() && family.is_none() {
+        usable = Err("has no queue for both graphics and compute".into());
+    }
+    let family = family.unwrap_or(0);
+    Candidate {
+        handle,
+        info: DeviceInfo {
+            index,
+            name: properties.device_name_as_c_str().map_or("?".into(), |name| name.to_string_lossy().into_owned()),
+            driver: driver.trim().into(),
+            kind: kind(properties.device_type),
+            api_version: version_parts(properties.api_version),
+            usable,
+        },
+        queue_family: family as u32,
+        timestamp_bits: families.get(family).map_or(0, |family| family.timestamp_valid_bits),
+        properties,
+        features,
+    }
+}
+
+/// The features that every device must have; [`missing`] asks for these and no others.
+pub(super) fn required() -> (
+    vk::PhysicalDeviceFeatures,
+    vk::PhysicalDeviceVulkan12Features<'static>,
+    vk::PhysicalDeviceVulkan13Features<'static>,
+) {
+    let core = vk::PhysicalDeviceFeatures::default()
+        .fragment_stores_and_atomics(true)
+        .vertex_pipeline_stores_and_atomics(true);
+    let vulkan12 = vk::PhysicalDeviceVulkan12Features::default()
+        .scalar_block_layout(true)
+        .host_query_reset(true)
+        .timeline_semaphore(true);
+    // Which of the two a `discard` needs depends on the version of the shader compiler.
+    let vulkan13 = vk::PhysicalDeviceVulkan13Features::default()
+        .dynamic_rendering(true)
+        .synchronization2(true)
+        .shader_demote_to_helper_invocation(true)
+        .shader_terminate_invocation(true);
+    (core, vulkan12, vulkan13)
+}
+
+fn missing(
+    core: &vk::PhysicalDeviceFeatures,
+    vulkan12: &vk::PhysicalDeviceVulkan12Features<'_>,
+    vulkan13: &vk::PhysicalDeviceVulkan13Features<'_>,
+) -> Vec<&'static str> {
+    [
+        (core.fragment_stores_and_atomics, "fragmentStoresAndAtomics"),
+        (core.vertex_pipeline_stores_and_atomics, "vertexPipelineStoresAndAtomics"),
+        (vulkan12.scalar_block_layout, "scalarBlockLayout"),
+        (vulkan12.host_query_reset, "hostQueryReset"),
+        (vulkan12.timeline_semaphore, "timelineSemaphore"),
+        (vulkan13.dynamic_rendering, "dynamicRendering"),
+        (vulkan13.synchronization2, "synchronization2"),
+        (vulkan13.shader_demote_to_helper_invocation, "shaderDemoteToHelperInvocation"),
+        (vulkan13.shader_terminate_invocation, "shaderTerminateInvocation"),
+    ]
+    .into_iter()
+    .filter_map(|(present, name)| (present == vk::FALSE).then_some(name))
+    .collect()
+}
+
+fn kind(device_type: vk::PhysicalDeviceType) -> DeviceKind {
+    match device_type {
+        vk::PhysicalDeviceType::DISCRETE_GPU => DeviceKind::Discrete,
+        vk::PhysicalDeviceType::INTEGRATED_GPU => DeviceKind::Integrated,
+        vk::PhysicalDeviceType::VIRTUAL_GPU => DeviceKind::Virtual,
+        vk::PhysicalDeviceType::CPU => DeviceKind::Cpu,
+        _ => DeviceKind::Other,
+    }
+}
+
+fn version_parts(version: u32) -> [u32; 3] {
+    [vk::api_version_major(version), vk::api_version_minor(version), vk::api_version_patch(version)]
+}
+
+fn version(version: u32) -> String {
+    version_parts(version).map(|part| part.to_string()).join(".")
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn info(index: usize, name: &str, kind: DeviceKind, usable: Result<(), &str>) -> DeviceInfo {
+        DeviceInfo {
+            index,
+            name: name.into(),
+            driver: "driver".into(),
+            kind,
+            api_version: [1, 3, 0],
+            usable: usable.map_err(Into::into),
+        }
+    }
+
+    #[test]
+    fn best_kind_that_can_serve_wins() {
+        let cpu = info(0, "llvmpipe", DeviceKind::Cpu, Ok(()));
+        let old = info(1, "Old Card", DeviceKind::Discrete, Err("speaks Vulkan 1.1.0, not 1.3"));
+        let integrated = info(2, "Laptop Graphics", DeviceKind::Integrated, Ok(()));
+        let infos = [&cpu, &old, &integrated];
+        assert_eq!(pick(&infos, None).unwrap(), 2);
+        assert_eq!(pick(&infos[..2], None).unwrap(), 0);
+        assert_eq!(pick(&infos, Some("0")).unwrap(), 0);
+        assert_eq!(pick(&infos, Some("LAPTOP")).unwrap(), 2);
+        let refused = pick(&infos, Some("old")).unwrap_err().to_string();
+        assert!(refused.contains("Old Card: speaks Vulkan 1.1.0"), "{refused}");
+        let unknown = pick(&infos, Some("voodoo")).unwrap_err().to_string();
+        assert!(unknown.contains("voodoo") && unknown.contains("0 llvmpipe"), "{unknown}");
+    }
+
+    #[test]
+    fn no_device_names_the_remedy() {
+        let old = info(0, "Old Card", DeviceKind::Discrete, Err("lacks synchronization2"));
+        for infos in [&[][..], &[&old][..]] {
+            let message = pick(infos, None).unwrap_err().to_string();
+            assert!(message.contains(INSTALL_DRIVER), "{message}");
+        }
+    }
+
+    #[test]
+    fn the_required_features_are_the_checked_ones() {
+        let (core, vulkan12, vulkan13) = required();
+        assert!(missing(&core, &vulkan12, &vulkan13).is_empty());
+        let none = (vk::PhysicalDeviceFeatures::default(), Default::default(), Default::default());
+        assert_eq!(missing(&none.0, &none.1, &none.2).len(), 9);
+    }
+}

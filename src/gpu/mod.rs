@@ -1,0 +1,49 @@
+//! The device: the only room that names `ash` and the only one with `unsafe`.
+//!
+//! Everything here is safe to call. A resource frees itself when its last owner goes; a command buffer
+//! owns what it was recorded with until the device is done with it; host-visible memory waits for the
+//! device before the host touches it. The room knows nothing of scenes, rays or faces.
+
+#![allow(unsafe_code)]
+
+pub mod access;
+pub mod buffer;
+pub mod choice;
+pub mod commands;
+pub mod descriptor;
+pub mod device;
+pub mod draw;
+pub mod image;
+mod instance;
+pub mod memory;
+pub mod pipeline;
+pub mod sampler;
+pub mod staging;
+pub mod texture;
+pub mod timestamps;
+
+pub use access::Access;
+pub use buffer::{DeviceBuffer, ReadbackBuffer, UploadBuffer};
+pub use choice::{DeviceInfo, DeviceKind, devices};
+pub use commands::{Commands, Recording, Submission};
+pub use descriptor::{Binding, BindingKind, DescriptorSet, Resource, SetLayout};
+pub use device::{Fault, Gpu, Options};
+pub use draw::{ColorTarget, DepthTarget, Draws, Targets};
+pub use image::{Format, Image, ImageDesc, ImageUse};
+pub use instance::Messages;
+pub use memory::{ReadbackChoice, ReadbackMemory};
+pub use pipeline::{
+    Blend, ComputePipeline, Cull, DepthMode, GraphicsDesc, GraphicsPipeline, Shader, StencilMode, VertexBuffer,
+    VertexFormat,
+};
+pub use sampler::{AddressMode, SamplerDesc, TexelFilter};
+pub use staging::{ReadbackRing, Uploads};
+pub use timestamps::Timing;
+
+/// The SPIR-V of a file under `glsl/`, as `build.rs` compiled it: `spirv!("id_buffer.vert")`.
+#[macro_export]
+macro_rules! spirv {
+    ($name:literal) => {
+        include_bytes!(concat!(env!("OUT_DIR"), "/", $name, ".spv"))
+    };
+}

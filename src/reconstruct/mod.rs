@@ -1,0 +1,6 @@
+//! Reconstruction of the image from samples (paper §4; design §5).
+
+pub mod bank;
+pub mod leaves;
+pub mod nodes;
+pub mod table;
