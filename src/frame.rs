@@ -105,12 +105,7 @@ impl<'s> Renderer<'s> {
             detail_textures: plan.detail_textures,
         };
         let painter = Painter::new(gpu, pass_options, bank, &table, &base)?;
-        let settings = Settings {
-            depth: options.paths.depth,
-            min_throughput: options.paths.throughput_limit(1),
-            shadows: options.scene.shadows,
-            fresnel: options.scene.fresnel,
-        };
+        let settings = Settings::new(&options.paths, &options.scene);
         Ok(Self {
             gpu: gpu.clone(),
             scene,

@@ -125,18 +125,6 @@ choices! {
     }
 }
 
-impl Shadows {
-    /// Whether a surface asks if its lights are hidden; `vt` says that it belongs to a VT object, `bounces`
-    /// how many specular bounces lead to it from the eye.
-    pub fn apply(self, vt: bool, bounces: u32) -> bool {
-        match self {
-            Self::All => true,
-            Self::Vt => vt || bounces > 0,
-            Self::None => false,
-        }
-    }
-}
-
 #[cfg(test)]
 mod tests {
     use super::*;

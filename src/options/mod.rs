@@ -125,22 +125,13 @@ fn milliseconds<S: serde::Serializer>(value: &Option<Duration>, serializer: S) -
 pub struct PathOptions {
     /// Most specular bounces.
     pub depth: u32,
-    /// Branches with a largest throughput below this are dropped; `None` leaves it to
-    /// [`PathOptions::throughput_limit`].
-    pub min_throughput: Option<f32>,
+    /// Branches with a largest throughput below this are dropped, 0 to 1.
+    pub min_throughput: f32,
 }
 
 impl Default for PathOptions {
     fn default() -> Self {
-        Self { depth: 5, min_throughput: None }
-    }
-}
-
-impl PathOptions {
-    /// Throughput below which a branch is dropped in an image of `spp` samples per pixel: what was asked
-    /// for, else 0 from 64 samples on and 1/255 below (design §2).
-    pub fn throughput_limit(&self, spp: u32) -> f32 {
-        self.min_throughput.unwrap_or(if spp >= 64 { 0.0 } else { 1.0 / 255.0 })
+        Self { depth: 5, min_throughput: 1.0 / 255.0 }
     }
 }
 

@@ -120,7 +120,7 @@ fn temporary(path: &Path) -> Result<tempfile::NamedTempFile> {
         // tempfile adds the temporary name to its message: only the cause helps here.
         let kind = error.kind();
         let cause = match kind {
-            std::io::ErrorKind::NotFound => {
+            std::io::ErrorKind::NotFound if !folder.exists() => {
                 format!("folder {} does not exist; create it first", folder.display())
             }
             std::io::ErrorKind::NotADirectory => format!("{} is not a folder", folder.display()),

@@ -6,6 +6,8 @@ use std::fmt;
 
 use serde::Serialize;
 
+use crate::scene::Scene;
+
 /// Counts and times of one picture, by `vtrace render` or `vtrace reference`.
 #[derive(Debug, Clone, Default, Serialize)]
 pub struct Stats {
@@ -50,6 +52,18 @@ pub struct SceneStats {
     pub vt_faces: u64,
     pub textures: u64,
     pub lights: u64,
+}
+
+impl SceneStats {
+    /// Counts what `scene`, classified, holds.
+    pub fn of(scene: &Scene) -> Self {
+        Self {
+            triangles: scene.geometry.faces.len() as u64,
+            vt_faces: scene.vt_faces() as u64,
+            textures: scene.textures.len() as u64,
+            lights: scene.lights.len() as u64,
+        }
+    }
 }
 
 /// Size of the image.

@@ -11,7 +11,8 @@ pub mod texel;
 
 use std::ops::AddAssign;
 
-use crate::options::Shadows;
+pub use crate::options::Shadows;
+use crate::options::{PathOptions, SceneOptions};
 
 pub use bvh::{Hit, Tracer};
 pub use surface::{Appearance, Surface};
@@ -29,9 +30,33 @@ pub struct Settings {
     pub fresnel: bool,
 }
 
+impl Settings {
+    /// What these options say of rays.
+    pub fn new(paths: &PathOptions, scene: &SceneOptions) -> Self {
+        Self {
+            depth: paths.depth,
+            min_throughput: paths.min_throughput,
+            shadows: scene.shadows,
+            fresnel: scene.fresnel,
+        }
+    }
+}
+
 impl Default for Settings {
     fn default() -> Self {
-        Self { depth: 5, min_throughput: 1.0 / 255.0, shadows: Shadows::All, fresnel: false }
+        Self::new(&PathOptions::default(), &SceneOptions::default())
+    }
+}
+
+impl Shadows {
+    /// Whether a surface asks; `vt` says that it belongs to a VT object, `bounces` how many specular
+    /// bounces lead to it from the eye.
+    pub fn apply(self, vt: bool, bounces: u32) -> bool {
+        match self {
+            Self::All => true,
+            Self::Vt => vt || bounces > 0,
+            Self::None => false,
+        }
     }
 }
 

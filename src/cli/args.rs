@@ -1,0 +1,224 @@
+//! Groups of options that subcommands share, and their way into the library's
+//! [`options`](crate::options).
+
+use std::{path::PathBuf, time::Duration};
+
+use clap::{Args, value_parser};
+use glam::{DVec3, Vec3};
+
+use super::values::{self, Size};
+use crate::{
+    error::{Error, Result},
+    options::{
+        CameraChoice, EffortOptions, Equation, FilterMode, MAX_NODES, MethodOptions, Mode, Msaa, PathOptions,
+        Reconstruction, SceneOptions, Shadows, Ss, ViewOptions, VisibilityWay,
+    },
+    scene::classify::VtRules,
+};
+
+#[derive(Debug, Args)]
+#[command(next_help_heading = "View")]
+#[allow(missing_docs)] // the comments are the help texts
+pub struct ViewArgs {
+    /// Image size in pixels
+    #[arg(long, value_name = "WxH", default_value = "1280x1024", value_parser = values::size)]
+    pub size: Size,
+    /// Camera of the file, by name or by index from 0; the first one, or one that frames the scene
+    #[arg(long, value_name = "NAME|INDEX")]
+    pub camera: Option<String>,
+    /// Eye point, in place of a camera of the file
+    #[arg(long, value_name = "X,Y,Z", value_parser = values::point, allow_hyphen_values = true, conflicts_with = "camera")]
+    pub eye: Option<DVec3>,
+    /// Point at the centre of the image [default: centre of the scene]
+    #[arg(long, value_name = "X,Y,Z", value_parser = values::point, allow_hyphen_values = true, requires = "eye")]
+    pub target: Option<DVec3>,
+    /// Vertical field of view in degrees [default: the camera's, 40 with --eye]
+    #[arg(long, value_name = "DEG", value_parser = values::fov)]
+    pub fov: Option<f32>,
+}
+
+impl ViewArgs {
+    /// The same as library options.
+    pub fn options(&self) -> ViewOptions {
+        let camera = match (self.eye, &self.camera) {
+            (Some(eye), _) => CameraChoice::Eye { eye, target: self.target },
+            (None, Some(name)) => CameraChoice::Named(name.clone()),
+            (None, None) => CameraChoice::First,
+        };
+        ViewOptions { width: self.size.width, height: self.size.height, camera, fov: self.fov }
+    }
+}
+
+#[derive(Debug, Args)]
+#[command(next_help_heading = "Method")]
+#[allow(missing_docs)]
+pub struct MethodArgs {
+    /// How the contributions of a face reach the image
+    #[arg(long, default_value_t, value_parser = values::choice::<Mode>())]
+    pub mode: Mode,
+    /// Which of the paper's equations combines them
+    #[arg(long, default_value_t, value_parser = values::choice::<Equation>())]
+    pub equation: Equation,
+    /// What is interpolated between traced vertices
+    #[arg(long, default_value_t, value_parser = values::choice::<Reconstruction>())]
+    pub reconstruction: Reconstruction,
+    /// Path nodes that a face keeps apart, with --reconstruction exact
+    #[arg(long, value_name = "N", default_value_t = 8, value_parser = value_parser!(u32).range(1..=i64::from(MAX_NODES)))]
+    pub nodes: u32,
+    /// How visible faces are found
+    #[arg(long, default_value_t, value_parser = values::choice::<VisibilityWay>())]
+    pub visibility: VisibilityWay,
+    /// Coverage samples of a pixel that share one shading
+    #[arg(long, default_value_t, value_parser = values::choice::<Msaa>())]
+    pub msaa: Msaa,
+    /// Samples of a pixel that are each shaded
+    #[arg(long, default_value_t, value_parser = values::choice::<Ss>())]
+    pub ss: Ss,
+    /// How textures are filtered
+    #[arg(long, default_value_t, value_parser = values::choice::<FilterMode>())]
+    pub filter: FilterMode,
+}
+
+impl MethodArgs {
+    /// The same as library options.
+    pub fn options(&self) -> MethodOptions {
+        MethodOptions {
+            mode: self.mode,
+            equation: self.equation,
+            reconstruction: self.reconstruction,
+            nodes: self.nodes,
+            visibility: self.visibility,
+            msaa: self.msaa,
+            ss: self.ss,
+            filter: self.filter,
+        }
+    }
+}
+
+#[derive(Debug, Args)]
+#[command(next_help_heading = "Effort")]
+#[allow(missing_docs)]
+pub struct EffortArgs {
+    /// Trace the vertices of visible faces only; no refinement
+    #[arg(long, conflicts_with_all = ["error", "max_samples", "budget"])]
+    pub preview: bool,
+    /// Refine until reflections are predicted to be displaced by no more than this
+    #[arg(long, value_name = "PIXELS", default_value_t = EffortOptions::default().error, value_parser = values::non_negative)]
+    pub error: f32,
+    /// Trace no more vertices than this
+    #[arg(long, value_name = "N")]
+    pub max_samples: Option<u64>,
+    /// Take no longer than this for the frame
+    #[arg(long, value_name = "MS", value_parser = value_parser!(u32).range(1..))]
+    pub budget: Option<u32>,
+}
+
+impl EffortArgs {
+    /// The same as library options.
+    pub fn options(&self) -> EffortOptions {
+        EffortOptions {
+            preview: self.preview,
+            error: self.error,
+            max_samples: self.max_samples,
+            budget: self.budget.map(|ms| Duration::from_millis(ms.into())),
+        }
+    }
+}
+
+#[derive(Debug, Args)]
+#[command(next_help_heading = "Effort")]
+#[allow(missing_docs)]
+pub struct PathArgs {
+    /// Most specular bounces of a path
+    #[arg(long, value_name = "N", default_value_t = PathOptions::default().depth, value_parser = value_parser!(u32).range(0..=255))]
+    pub depth: u32,
+    /// Drop branches that carry less than this [default: 1/255; with 64 or more samples a pixel 0]
+    #[arg(long, value_name = "T", value_parser = values::fraction)]
+    pub min_throughput: Option<f32>,
+}
+
+impl PathArgs {
+    /// The same as library options.
+    pub fn options(&self) -> PathOptions {
+        let default = PathOptions::default();
+        PathOptions {
+            depth: self.depth,
+            min_throughput: self.min_throughput.unwrap_or(default.min_throughput),
+        }
+    }
+}
+
+#[derive(Debug, Args)]
+#[command(next_help_heading = "Scene")]
+#[allow(missing_docs)]
+pub struct SceneArgs {
+    /// Which surfaces receive shadows
+    #[arg(long, default_value_t, value_parser = values::choice::<Shadows>())]
+    pub shadows: Shadows,
+    /// Let metals reflect more at grazing angles (Schlick) in place of the paper's constant
+    #[arg(long)]
+    pub fresnel: bool,
+    /// Treat this node, mesh or material as a specular VT object; may be repeated
+    #[arg(long = "vt", value_name = "NAME")]
+    pub vt: Vec<String>,
+    /// Treat this node, mesh or material as an ordinary object; may be repeated
+    #[arg(long = "no-vt", value_name = "NAME")]
+    pub no_vt: Vec<String>,
+    /// Largest roughness of a specular VT object
+    #[arg(long, value_name = "R", default_value_t = VtRules::default().roughness_threshold, value_parser = values::fraction)]
+    pub roughness_threshold: f32,
+    /// Linear radiance of rays that leave the scene [default: 0,0,0]
+    #[arg(long, value_name = "R,G,B", value_parser = values::color, conflicts_with = "environment")]
+    pub background: Option<Vec3>,
+    /// Panorama (.hdr or .exr) around the scene
+    #[arg(long, value_name = "FILE")]
+    pub environment: Option<PathBuf>,
+    /// Refuse files with more triangles
+    #[arg(long, value_name = "N")]
+    pub max_triangles: Option<u64>,
+    /// Refuse files whose textures take more memory
+    #[arg(long, value_name = "N")]
+    pub max_texture_bytes: Option<u64>,
+}
+
+impl SceneArgs {
+    /// The same as library options.
+    pub fn options(&self) -> SceneOptions {
+        SceneOptions {
+            shadows: self.shadows,
+            fresnel: self.fresnel,
+            vt: VtRules {
+                roughness_threshold: self.roughness_threshold,
+                force: self.vt.clone(),
+                forbid: self.no_vt.clone(),
+            },
+            background: self.background,
+            environment: self.environment.clone(),
+            max_triangles: self.max_triangles,
+            max_texture_bytes: self.max_texture_bytes,
+        }
+    }
+}
+
+#[derive(Debug, Args)]
+#[command(next_help_heading = "Machine")]
+#[allow(missing_docs)]
+pub struct ThreadArgs {
+    /// Threads to work with [default: one for each core]
+    #[arg(long, value_name = "N", value_parser = value_parser!(u16).range(1..=1024))]
+    pub threads: Option<u16>,
+}
+
+impl ThreadArgs {
+    /// Starts the threads that the whole process shares.
+    ///
+    /// # Errors
+    /// [`Error::Option`] if the system grants no such number.
+    pub fn apply(&self) -> Result<()> {
+        let Some(threads) = self.threads else { return Ok(()) };
+        rayon::ThreadPoolBuilder::new()
+            .num_threads(threads.into())
+            .build_global()
+            .map_err(|error| Error::Option(format!("--threads {threads}: {error}")))
+    }
+}

@@ -1,0 +1,58 @@
+//! `vtrace compare`: the difference between two images.
+
+use std::path::PathBuf;
+
+use clap::Args;
+
+use super::terminal;
+use crate::{
+    error::Result,
+    report::{Comparison, Encoding, FloatImage, compare},
+};
+
+/// Measure the difference between two images (PNG, JPEG, HDR, EXR or PFM)
+///
+/// Prints root mean square error, peak signal-to-noise ratio, mean FLIP, the 99th percentile and the
+/// maximum of the largest channel difference, and the fraction of pixels where it exceeds 0.1; over values
+/// clamped to 0..1 and encoded as sRGB.
+#[derive(Debug, Args)]
+#[command(after_help = "Example: vtrace compare out/cup_reference.png out/cup.png --json")]
+pub struct CompareArgs {
+    /// Reference image
+    #[arg(value_name = "A")]
+    reference: PathBuf,
+    /// Image to measure
+    #[arg(value_name = "B")]
+    image: PathBuf,
+    /// Print JSON
+    #[arg(long)]
+    json: bool,
+    /// Measure linear values
+    #[arg(long)]
+    linear: bool,
+    /// Measure only where this image is brighter than half
+    #[arg(long, value_name = "VT.png")]
+    mask: Option<PathBuf>,
+}
+
+pub(super) fn run(args: &CompareArgs) -> Result<()> {
+    let reference = FloatImage::read(&args.reference)?;
+    let image = FloatImage::read(&args.image)?;
+    let mask = args.mask.as_deref().map(FloatImage::read).transpose()?.map(|mask| mask.to_mask());
+    let encoding = if args.linear { Encoding::Linear } else { Encoding::Srgb };
+    let comparison = compare(&reference, &image, mask.as_deref(), encoding)?;
+    if args.json {
+        return terminal::print(&format!("{:#}\n", serde_json::json!(comparison)));
+    }
+    terminal::print(&in_words(&comparison))
+}
+
+fn in_words(comparison: &Comparison) -> String {
+    let Comparison { rmse, psnr, flip, p99, max, over_0_1 } = comparison;
+    let psnr = psnr.map_or("identical".into(), |psnr| format!("{psnr:.2} dB"));
+    format!(
+        "rmse      {rmse:.6}\npsnr      {psnr}\nflip      {flip:.6}\np99       {p99:.6}\nmax       {max:.6}\n\
+         over 0.1  {:.3} % of the pixels\n",
+        over_0_1 * 100.0
+    )
+}

@@ -1,0 +1,89 @@
+//! The command line `vtrace`: arguments in, exit code out (design §9).
+//!
+//! Results go to stdout, messages to stderr. Exit codes: 0 done, 1 the input or the device could not
+//! serve, 2 wrong usage, 130 interrupted.
+
+pub mod args;
+mod compare;
+pub mod output;
+mod reference;
+mod scene;
+mod terminal;
+pub mod values;
+
+use std::process::ExitCode;
+
+use clap::{CommandFactory, Parser, Subcommand, error::ErrorKind};
+
+use crate::error::Error;
+
+/// Reflections and refractions of textured surroundings by vertex tracing, on any Vulkan 1.3 device
+#[derive(Debug, Parser)]
+#[command(name = "vtrace", version, max_term_width = 100)]
+pub struct Cli {
+    /// What to do.
+    #[command(subcommand)]
+    command: Command,
+}
+
+#[derive(Debug, Subcommand)]
+enum Command {
+    Reference(Box<reference::ReferenceArgs>),
+    Compare(compare::CompareArgs),
+}
+
+/// Why a command did not do its work.
+enum Failure {
+    /// The arguments are wrong, or it was help that was asked for.
+    Usage(clap::Error),
+    /// Input or device could not serve.
+    Error(Error),
+}
+
+impl From<Error> for Failure {
+    fn from(error: Error) -> Self {
+        Self::Error(error)
+    }
+}
+
+impl From<clap::Error> for Failure {
+    fn from(error: clap::Error) -> Self {
+        Self::Usage(error)
+    }
+}
+
+impl Failure {
+    /// Arguments that are each valid and do not go together.
+    fn conflict(subcommand: &str, problem: String) -> Self {
+        let mut command = Cli::command();
+        command.build(); // gives the subcommand its full name in the usage line
+        let found = command.find_subcommand_mut(subcommand).expect("the subcommand that was parsed");
+        Self::Usage(found.error(ErrorKind::ArgumentConflict, problem))
+    }
+}
+
+/// Runs the command that the arguments of this process name.
+pub fn main() -> ExitCode {
+    terminal::prepare();
+    let outcome = terminal::catch(|| {
+        let cli = Cli::try_parse()?;
+        match cli.command {
+            Command::Reference(args) => reference::run(&args)?,
+            Command::Compare(args) => compare::run(&args)?,
+        }
+        Ok(())
+    });
+    match outcome {
+        Some(Ok(())) => ExitCode::SUCCESS,
+        Some(Err(Failure::Usage(error))) => {
+            // A closed pipe: nobody is left to be told.
+            let _ = error.print();
+            ExitCode::from(if error.use_stderr() { 2 } else { 0 })
+        }
+        Some(Err(Failure::Error(error))) => {
+            terminal::complain(&error);
+            ExitCode::from(if matches!(error, Error::Interrupted) { 130 } else { 1 })
+        }
+        None => ExitCode::from(1),
+    }
+}

@@ -1,0 +1,67 @@
+//! Where images and stats go.
+
+use std::path::{Path, PathBuf};
+
+use clap::Args;
+
+use super::{terminal, values};
+use crate::{
+    error::Result,
+    report::{
+        FloatImage, Stats,
+        output::{Format, check_writable, write_file, write_image},
+    },
+};
+
+#[derive(Debug, Args)]
+#[command(next_help_heading = "Output")]
+#[allow(missing_docs)] // the comments are the help texts
+pub struct OutputArgs {
+    /// Brighten a PNG by this many stops; EXR and PFM hold radiance untouched
+    #[arg(long, value_name = "EV", default_value_t = 0.0, allow_hyphen_values = true, value_parser = values::exposure)]
+    pub exposure: f32,
+    /// Write counts and times as JSON to a file, or with - to standard output and nothing else there
+    #[arg(long, value_name = "FILE.json|-")]
+    pub stats: Option<PathBuf>,
+}
+
+impl OutputArgs {
+    fn stats_on_stdout(&self) -> bool {
+        self.stats.as_deref() == Some(Path::new("-"))
+    }
+
+    /// Checks, before the work, that its results can be written.
+    ///
+    /// # Errors
+    /// See [`check_writable`].
+    pub fn check(&self, image: Option<&Path>) -> Result<()> {
+        let stats = self.stats.as_deref().filter(|_| !self.stats_on_stdout());
+        for file in [image, stats].into_iter().flatten() {
+            check_writable(file)?;
+        }
+        if let Some(image) = image.filter(|_| self.exposure != 0.0)
+            && Format::of(image)? != Format::Png
+        {
+            log::warn!("{}: --exposure does not apply, only PNG is exposed", image.display());
+        }
+        Ok(())
+    }
+
+    /// Writes the image and the stats, and tells on stdout what was done.
+    ///
+    /// # Errors
+    /// See [`write_image`] and [`write_file`].
+    pub fn write(&self, file: Option<&Path>, image: &FloatImage, stats: &Stats) -> Result<()> {
+        if let Some(file) = file {
+            write_image(file, image, self.exposure)?;
+        }
+        let json = format!("{:#}\n", serde_json::json!(stats));
+        match &self.stats {
+            Some(_) if self.stats_on_stdout() => return terminal::print(&json),
+            Some(path) => write_file(path, json.as_bytes())?,
+            None => {}
+        }
+        let written = file.map_or(String::new(), |file| format!("wrote    {}\n", file.display()));
+        terminal::print(&format!("{stats}{written}"))
+    }
+}

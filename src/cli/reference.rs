@@ -1,0 +1,109 @@
+//! `vtrace reference`: the picture by conventional per-pixel ray tracing.
+
+use std::{path::PathBuf, time::Instant};
+
+use clap::{Args, value_parser};
+
+use super::{
+    Failure,
+    args::{PathArgs, SceneArgs, ThreadArgs, ViewArgs},
+    output::OutputArgs,
+    scene, terminal, values,
+};
+use crate::{
+    options::ReferenceOptions,
+    report::{
+        FloatImage, Stats,
+        stats::{ImageStats, Rays, SceneStats, Times},
+    },
+    trace::{Settings, Tracer, reference},
+};
+
+/// Trace a picture pixel by pixel: what vertex tracing is held against
+///
+/// The same BVH, shading and camera as render, on the CPU alone.
+#[derive(Debug, Args)]
+#[command(after_help = "Example: vtrace reference assets/cup.glb -o out/cup_reference.png --spp 4")]
+pub struct ReferenceArgs {
+    /// Scene, a .glb or .gltf file
+    scene: PathBuf,
+    /// Image to write: .png, .exr or .pfm
+    #[arg(short, long, value_name = "OUT", value_parser = values::image_file)]
+    output: PathBuf,
+    /// Samples per pixel
+    #[arg(long, value_name = "N", default_value_t = 1, value_parser = value_parser!(u32).range(1..=65536))]
+    spp: u32,
+    #[command(flatten)]
+    view: ViewArgs,
+    #[command(flatten)]
+    paths: PathArgs,
+    #[command(flatten)]
+    what: SceneArgs,
+    #[command(flatten)]
+    out: OutputArgs,
+    #[command(flatten)]
+    threads: ThreadArgs,
+}
+
+impl ReferenceArgs {
+    fn options(&self) -> Result<ReferenceOptions, Failure> {
+        let options = ReferenceOptions {
+            view: self.view.options(),
+            paths: self.paths.options(),
+            scene: self.what.options(),
+            spp: self.spp,
+        };
+        options.scene.check().map_err(|problem| Failure::conflict("reference", problem))?;
+        Ok(options)
+    }
+}
+
+pub(super) fn run(args: &ReferenceArgs) -> Result<(), Failure> {
+    let options = args.options()?;
+    args.threads.apply()?;
+    args.out.check(Some(&args.output))?;
+
+    let start = Instant::now();
+    let scene = scene::load(&args.scene, &options.scene)?;
+    let view = options.view.resolve(&scene)?;
+    let load = milliseconds(start);
+
+    let start = Instant::now();
+    let tracer = Tracer::new(&scene);
+    let bvh = milliseconds(start);
+
+    let settings = Settings::new(&options.paths, &options.scene);
+    let interrupt = terminal::interrupt();
+    let bar = terminal::Progress::new("tracing");
+    let traced =
+        reference::render(&tracer, &view, &settings, options.spp, None, &interrupt, &|share| bar.set(share))?;
+    drop(bar);
+
+    let stats = Stats {
+        scene: SceneStats::of(&scene),
+        image: ImageStats {
+            width: view.width,
+            height: view.height,
+            vt_pixels: traced.vt_mask.iter().filter(|vt| **vt).count() as u64,
+        },
+        rays: Rays {
+            total: traced.rays.total(),
+            primary: traced.rays.primary,
+            reflected: traced.rays.reflected,
+            transmitted: traced.rays.transmitted,
+            shadow: traced.rays.shadow,
+            pixel: 0,
+        },
+        time_ms: Times { load, bvh, trace: traced.time_ms, frame: traced.time_ms, ..Times::default() },
+        notes: scene.notes.clone(),
+        options: serde_json::json!(options),
+        ..Stats::default()
+    };
+    let image = FloatImage { width: view.width, height: view.height, pixels: traced.image };
+    args.out.write(Some(&args.output), &image, &stats)?;
+    Ok(())
+}
+
+fn milliseconds(start: Instant) -> f64 {
+    start.elapsed().as_secs_f64() * 1e3
+}

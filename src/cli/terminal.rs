@@ -1,0 +1,109 @@
+//! What the terminal shows: results, messages, progress, and the ways a run can end early.
+
+use std::{
+    fmt::Display,
+    io::{self, Write},
+    panic, process,
+    sync::{
+        Arc, Once,
+        atomic::{AtomicBool, Ordering},
+    },
+    time::Duration,
+};
+
+use indicatif::{ProgressBar, ProgressStyle};
+
+use crate::error::{Error, Result};
+
+/// Routes log messages and panics to stderr, one line each.
+pub fn prepare() {
+    env_logger::Builder::from_env(env_logger::Env::default().default_filter_or("warn"))
+        .format(|out, record| writeln!(out, "{}: {}", record.level().as_str().to_lowercase(), record.args()))
+        .init();
+    panic::set_hook(Box::new(|info| {
+        static FIRST: Once = Once::new();
+        FIRST.call_once(|| {
+            let place = info.location().map_or(String::new(), |place| format!(" at {place}"));
+            let payload = info.payload();
+            let message = payload.downcast_ref::<&str>().copied();
+            let message = message.or_else(|| payload.downcast_ref::<String>().map(String::as_str));
+            let message = message.unwrap_or("no message");
+            complain(&format!("internal error{place}: {message}; please report it with the command line"));
+            let trace = std::backtrace::Backtrace::capture();
+            if trace.status() == std::backtrace::BacktraceStatus::Captured {
+                let _ = writeln!(io::stderr(), "{trace}");
+            }
+        });
+    }));
+}
+
+/// The value of `work`, or `None` if it panicked; unwinding has then removed temporary files.
+pub fn catch<T>(work: impl FnOnce() -> T) -> Option<T> {
+    panic::catch_unwind(panic::AssertUnwindSafe(work)).ok()
+}
+
+/// Writes `error: problem` to stderr, in one line.
+pub fn complain(problem: &dyn Display) {
+    let line = problem.to_string().replace(['\n', '\r'], " ");
+    let _ = writeln!(io::stderr(), "error: {line}");
+}
+
+/// Writes `note: text` to stderr.
+pub fn note(text: &str) {
+    let _ = writeln!(io::stderr(), "note: {text}");
+}
+
+/// A flag that Ctrl-C and SIGTERM set for long work to see; a second one ends the process at once.
+pub fn interrupt() -> Arc<AtomicBool> {
+    let flag = Arc::new(AtomicBool::new(false));
+    let handler = {
+        let flag = Arc::clone(&flag);
+        move || {
+            if flag.swap(true, Ordering::Relaxed) {
+                process::exit(130);
+            }
+        }
+    };
+    if let Err(error) = ctrlc::set_handler(handler) {
+        log::warn!("Ctrl-C will end the program without cleaning up: {error}");
+    }
+    flag
+}
+
+/// A progress bar on stderr, where that is a terminal; gone when dropped.
+pub struct Progress(ProgressBar);
+
+impl Progress {
+    const UNITS: u64 = 1000;
+
+    /// A bar for the stage `name`.
+    pub fn new(name: &'static str) -> Self {
+        // indicatif draws nothing where stderr is not a terminal.
+        let bar = ProgressBar::new(Self::UNITS).with_message(name);
+        if let Ok(style) = ProgressStyle::with_template("{msg} {wide_bar} {percent:>3} %  {eta} left") {
+            bar.set_style(style);
+        }
+        bar.enable_steady_tick(Duration::from_millis(200));
+        Self(bar)
+    }
+
+    /// Shows that `share` of the stage is done, 0 to 1.
+    pub fn set(&self, share: f32) {
+        self.0.set_position((share * Self::UNITS as f32) as u64);
+    }
+}
+
+impl Drop for Progress {
+    fn drop(&mut self) {
+        self.0.finish_and_clear();
+    }
+}
+
+/// Writes a result to stdout; a reader that closed the pipe has read enough.
+pub fn print(text: &str) -> Result<()> {
+    let mut stdout = io::stdout().lock();
+    match stdout.write_all(text.as_bytes()).and_then(|()| stdout.flush()) {
+        Err(error) if error.kind() != io::ErrorKind::BrokenPipe => Err(Error::io("standard output")(error)),
+        _ => Ok(()),
+    }
+}

@@ -1,0 +1,220 @@
+//! The program as a user meets it: exit codes, one clear line on stderr, and no file left behind.
+
+use std::{
+    fs,
+    io::Read,
+    path::{Path, PathBuf},
+    process::{Command, Output, Stdio},
+    thread,
+    time::Duration,
+};
+
+use vertex_tracing::{
+    report::{FloatImage, output::write_image},
+    scene::demo::Demo,
+};
+
+fn vtrace() -> Command {
+    let mut command = Command::new(env!("CARGO_BIN_EXE_vtrace"));
+    command.env_remove("RUST_LOG").env_remove("RUST_BACKTRACE");
+    command
+}
+
+fn run(arguments: &[&str]) -> Output {
+    vtrace().args(arguments).output().unwrap()
+}
+
+fn text(bytes: &[u8]) -> &str {
+    std::str::from_utf8(bytes).unwrap()
+}
+
+/// A folder with a scene, an image, and files that are neither.
+struct Place(tempfile::TempDir);
+
+impl Place {
+    fn new() -> Self {
+        let place = Self(tempfile::tempdir().unwrap());
+        let glb = Demo::Mirror.glb();
+        fs::write(place.path("scene.glb"), &glb).unwrap();
+        fs::write(place.path("cut.glb"), &glb[..glb.len() / 2]).unwrap();
+        fs::write(place.path("header.glb"), &glb[..10]).unwrap();
+        fs::write(place.path("text.glb"), "hello").unwrap();
+        fs::write(place.path("text.gltf"), "hello").unwrap();
+        let image = FloatImage::from_fn(8, 4, |x, _| [x as f32 / 8.0; 3]);
+        write_image(&place.path("image.png"), &image, 0.0).unwrap();
+        write_image(&place.path("image.pfm"), &image, 0.0).unwrap();
+        write_image(&place.path("small.png"), &FloatImage::from_fn(4, 4, |_, _| [0.0; 3]), 0.0).unwrap();
+        place
+    }
+
+    fn path(&self, name: &str) -> PathBuf {
+        self.0.path().join(name)
+    }
+
+    fn names(&self) -> Vec<String> {
+        let mut names: Vec<String> = fs::read_dir(self.0.path())
+            .unwrap()
+            .map(|entry| entry.unwrap().file_name().into_string().unwrap())
+            .collect();
+        names.sort();
+        names
+    }
+
+    fn run(&self, arguments: &[&str]) -> Output {
+        vtrace().current_dir(self.0.path()).args(arguments).output().unwrap()
+    }
+}
+
+#[test]
+fn wrong_usage_exits_2() {
+    let table: &[(&[&str], &str)] = &[
+        (&[], "Usage: vtrace"),
+        (&["paint"], "unrecognized subcommand 'paint'"),
+        (&["compare", "a.png"], "<B>"),
+        (&["compare", "a.png", "b.png", "--colour"], "unexpected argument '--colour'"),
+        (&["reference", "s.glb"], "--output <OUT>"),
+        (&["reference", "s.glb", "-o", "x.gif"], "images are written as .png, .exr or .pfm"),
+        (&["reference", "s.glb", "-o", "x.png", "--size", "0x4"], "not a size such as 1280x1024"),
+        (&["reference", "s.glb", "-o", "x.png", "--fov", "180"], "between 0 and 180 degrees"),
+        (&["reference", "s.glb", "-o", "x.png", "--shadows", "some"], "[possible values: all, vt, none]"),
+        (&["reference", "s.glb", "-o", "x.png", "--spp", "0"], "0 is not in 1..=65536"),
+        (&["reference", "s.glb", "-o", "x.png", "--target", "0,0,0"], "--eye <X,Y,Z>"),
+        (&["reference", "s.glb", "-o", "x.png", "--eye", "0,0,0", "--camera", "a"], "cannot be used with"),
+        (
+            &["reference", "s.glb", "-o", "x.png", "--background", "0,0,0", "--environment", "sky.hdr"],
+            "cannot be used with",
+        ),
+        (&["reference", "s.glb", "-o", "x.png", "--vt", "cup", "--no-vt", "cup"], "contradict each other"),
+    ];
+    for (arguments, expected) in table {
+        let output = run(arguments);
+        let stderr = text(&output.stderr);
+        assert_eq!(output.status.code(), Some(2), "{arguments:?}: {stderr}");
+        assert!(stderr.contains(expected), "{arguments:?}: {stderr:?} should contain {expected:?}");
+        assert!(output.stdout.is_empty(), "{arguments:?}: results on stdout");
+    }
+}
+
+#[test]
+fn help_and_version_are_results() {
+    for arguments in [&["--help"][..], &["--version"], &["reference", "--help"], &["compare", "-h"]] {
+        let output = run(arguments);
+        assert_eq!(output.status.code(), Some(0), "{arguments:?}");
+        assert!(!output.stdout.is_empty() && output.stderr.is_empty(), "{arguments:?}");
+    }
+}
+
+#[test]
+fn bad_input_exits_1_with_one_line_and_leaves_no_file() {
+    let place = Place::new();
+    let before = place.names();
+    let table: &[(&[&str], &str)] = &[
+        (&["compare", "absent.png", "image.png"], "absent.png: "),
+        (&["compare", "image.png", "text.glb"], "text.glb: not a PNG, JPEG, HDR, EXR or PFM image"),
+        (&["compare", "image.png", "small.png"], "images differ in size: 8x4 and 4x4"),
+        (&["compare", "image.png", "image.pfm", "--mask", "small.png"], "mask has 16 pixels"),
+        (&["reference", "absent.glb", "-o", "out.png"], "absent.glb: "),
+        (&["reference", "text.glb", "-o", "out.png"], "text.glb: "),
+        (&["reference", "text.gltf", "-o", "out.png"], "text.gltf: "),
+        (&["reference", "cut.glb", "-o", "out.png"], "cut.glb: "),
+        (&["reference", "header.glb", "-o", "out.png"], "header.glb: "),
+        (&["reference", "image.png", "-o", "out.png"], "image.png: "),
+        (&["reference", "scene.glb", "-o", "absent/out.png"], "absent/out.png: folder absent does not exist"),
+        (&["reference", "scene.glb", "-o", "/proc/out.png"], "/proc/out.png: cannot write to folder /proc"),
+        (&["reference", "scene.glb", "-o", "out.png", "--stats", "absent/s.json"], "absent/s.json: "),
+        (&["reference", "scene.glb", "-o", "out.png", "--camera", "nobody"], "--camera nobody: "),
+        (&["reference", "scene.glb", "-o", "out.png", "--vt", "nobody"], "--vt nobody: "),
+        (&["reference", "scene.glb", "-o", "out.png", "--environment", "absent.hdr"], "absent.hdr: "),
+        (&["reference", "scene.glb", "-o", "out.png", "--max-triangles", "1"], "scene.glb: "),
+    ];
+    for (arguments, expected) in table {
+        let output = place.run(arguments);
+        let stderr = text(&output.stderr);
+        assert_eq!(output.status.code(), Some(1), "{arguments:?}: {stderr}");
+        let errors: Vec<&str> = stderr.lines().filter(|line| !line.starts_with("note: ")).collect();
+        assert!(
+            errors.len() == 1 && errors[0].starts_with("error: ") && errors[0].contains(expected),
+            "{arguments:?}: {stderr:?} should be one line with {expected:?}"
+        );
+        assert!(output.stdout.is_empty(), "{arguments:?}: results on stdout");
+        assert_eq!(place.names(), before, "{arguments:?}: a file was left behind");
+    }
+}
+
+#[test]
+fn compare_prints_words_or_json() {
+    let place = Place::new();
+    let words = place.run(&["compare", "image.pfm", "image.pfm"]);
+    assert_eq!(words.status.code(), Some(0));
+    assert!(text(&words.stdout).contains("psnr      identical\n"), "{}", text(&words.stdout));
+
+    let json = place.run(&["compare", "image.pfm", "image.png", "--json", "--linear"]);
+    let json: serde_json::Value = serde_json::from_slice(&json.stdout).unwrap();
+    for field in ["rmse", "psnr", "flip", "p99", "max", "over_0_1"] {
+        assert!(json[field].is_number(), "{field}: {json}");
+    }
+    assert!(json["max"].as_f64().unwrap() < 0.01, "eight bits are near: {json}");
+}
+
+#[test]
+fn reference_writes_image_and_stats() {
+    let place = Place::new();
+    let small = ["reference", "scene.glb", "--size", "64x48"];
+    let output = place.run(&[&small[..], &["-o", "out.pfm", "--stats", "-"]].concat());
+    assert_eq!(output.status.code(), Some(0), "{}", text(&output.stderr));
+    let stats: serde_json::Value = serde_json::from_slice(&output.stdout).expect("JSON and nothing else");
+    assert_eq!(stats["image"]["width"], 64);
+    assert_eq!(stats["rays"]["primary"], 64 * 48);
+    assert_eq!(stats["options"]["spp"], 1);
+    let image = FloatImage::read(&place.path("out.pfm")).unwrap();
+    assert_eq!((image.width, image.height), (64, 48));
+    assert!(image.pixels.iter().any(|pixel| pixel[0] > 0.0), "a black picture");
+
+    let output = place.run(&[&small[..], &["-o", "out.png", "--stats", "s.json", "--threads", "3"]].concat());
+    assert!(text(&output.stdout).contains("image    64x48"), "{}", text(&output.stdout));
+    let file: serde_json::Value = serde_json::from_slice(&fs::read(place.path("s.json")).unwrap()).unwrap();
+    assert_eq!(file["rays"], stats["rays"], "the same rays whatever the number of threads");
+}
+
+#[test]
+fn a_closed_pipe_is_no_error_and_a_full_disk_is() {
+    let place = Place::new();
+    let compare = |stdout: Stdio| {
+        let mut command = vtrace();
+        command.current_dir(place.0.path()).args(["compare", "image.png", "image.png"]);
+        command.stdout(stdout).stderr(Stdio::piped()).spawn().unwrap()
+    };
+    let (reader, writer) = std::io::pipe().unwrap();
+    drop(reader);
+    let output = compare(writer.into()).wait_with_output().unwrap();
+    assert_eq!((output.status.code(), text(&output.stderr)), (Some(0), ""));
+
+    if Path::new("/dev/full").exists() {
+        let full = fs::OpenOptions::new().write(true).open("/dev/full").unwrap();
+        let output = compare(full.into()).wait_with_output().unwrap();
+        assert_eq!(output.status.code(), Some(1));
+        assert!(text(&output.stderr).starts_with("error: standard output: "), "{}", text(&output.stderr));
+    }
+}
+
+#[cfg(unix)]
+#[test]
+fn an_interrupt_ends_long_work_cleanly() {
+    let place = Place::new();
+    let before = place.names();
+    let mut child = vtrace()
+        .current_dir(place.0.path())
+        .args(["reference", "scene.glb", "-o", "out.png", "--spp", "256", "--size", "4096x4096"])
+        .stderr(Stdio::piped())
+        .spawn()
+        .unwrap();
+    thread::sleep(Duration::from_secs(2));
+    assert!(child.try_wait().unwrap().is_none(), "this takes half an hour and more");
+    assert!(Command::new("kill").args(["-INT", &child.id().to_string()]).status().unwrap().success());
+    let status = child.wait().unwrap();
+    let mut stderr = String::new();
+    child.stderr.take().unwrap().read_to_string(&mut stderr).unwrap();
+    assert_eq!(status.code(), Some(130), "{stderr}");
+    assert!(stderr.ends_with("error: interrupted\n"), "{stderr}");
+    assert_eq!(place.names(), before);
+}
