@@ -132,9 +132,9 @@ impl<'a> Caster<'a> {
                 let ys = ys.unwrap_or(vec![0.0, view.height as f32]);
                 let low = ys.iter().copied().fold(f32::INFINITY, f32::min) - 2.0;
                 let high = ys.iter().copied().fold(f32::NEG_INFINITY, f32::max) + 2.0;
-                for row in low.max(0.0) as usize..(high.max(0.0) as usize).min(view.height as usize) {
-                    rows[row].push(face);
-                }
+                let first = (low.max(0.0) as usize).min(rows.len());
+                let end = (high.max(0.0) as usize).clamp(first, rows.len());
+                rows[first..end].iter_mut().for_each(|row| row.push(face));
                 (corners.map(Vec3::as_dvec3), !scene.face_material(face).double_sided)
             })
             .collect();
