@@ -9,8 +9,8 @@ use vertex_tracing::{
     gpu::Binding,
     spirv,
     visibility::{
-        MaskVertex,
-        id_buffer::{FACE_BINDINGS, MASK_BINDINGS, Push},
+        MaskVertex, device,
+        face_draw::{FACE_BINDINGS, MASK_BINDINGS, Push},
     },
 };
 
@@ -148,4 +148,5 @@ fn bindings() {
     for module in masked.iter().chain([&solid]) {
         assert_bindings(&module.bindings(), &[&FACE_BINDINGS, &MASK_BINDINGS]);
     }
+    assert_bindings(&Module::read(spirv!("count_faces.comp")).bindings(), &[&device::BINDINGS]);
 }

@@ -11,7 +11,7 @@ use vertex_tracing::{
         AlphaMode, Background, Camera, Filter, Geometry, Image, Material, Object, Projection, Sampler, Scene,
         Texture, TextureSlot, View,
     },
-    visibility::{Adjacency, Class, Pass, classes},
+    visibility::{Adjacency, Class, Pass, classes, device},
 };
 
 // ---- scenes ----
@@ -132,9 +132,9 @@ impl<'a> Caster<'a> {
                 let ys = ys.unwrap_or(vec![0.0, view.height as f32]);
                 let low = ys.iter().copied().fold(f32::INFINITY, f32::min) - 2.0;
                 let high = ys.iter().copied().fold(f32::NEG_INFINITY, f32::max) + 2.0;
-                for row in low.max(0.0) as usize..(high.max(0.0) as usize).min(view.height as usize) {
-                    rows[row].push(face);
-                }
+                let first = (low.max(0.0) as usize).min(rows.len());
+                let end = (high.max(0.0) as usize).clamp(first, rows.len());
+                rows[first..end].iter_mut().for_each(|row| row.push(face));
                 (corners.map(Vec3::as_dvec3), !scene.face_material(face).double_sided)
             })
             .collect();
@@ -241,7 +241,13 @@ fn check(scene: &Scene, classes: &[Class], view: &View, hairs: usize) {
     assert_eq!(visibility.faces.visible.len(), counts.iter().filter(|&&count| count > 0).count());
     let vt = visibility.faces.visible.iter().filter(|&&face| class(face) == Class::Vt).count();
     assert_eq!(visibility.visible_vt, vt);
-    drop(pass);
+
+    // Counting on the device finds the same.
+    let mut device_pass = device::Pass::new(&gpu, scene, classes, ReadbackChoice::Best).unwrap();
+    let counted = device_pass.run(view).unwrap();
+    assert_eq!((counted.faces, counted.visible_vt), (visibility.faces, visibility.visible_vt));
+    assert_eq!(counted.readback_bytes, 4 * scene.geometry.faces.len() as u64);
+    drop((pass, device_pass));
     assert_clean(gpu, &messages);
 }
 

@@ -177,10 +177,12 @@ pub(super) fn required() -> (
         .scalar_block_layout(true)
         .host_query_reset(true)
         .timeline_semaphore(true);
-    // Which of the two a `discard` needs depends on the version of the shader compiler.
+    // SPIR-V 1.6 compute shaders need maintenance4. Which of the last two a `discard` needs depends on the
+    // version of the shader compiler.
     let vulkan13 = vk::PhysicalDeviceVulkan13Features::default()
         .dynamic_rendering(true)
         .synchronization2(true)
+        .maintenance4(true)
         .shader_demote_to_helper_invocation(true)
         .shader_terminate_invocation(true);
     (core, vulkan12, vulkan13)
@@ -199,6 +201,7 @@ fn missing(
         (vulkan12.timeline_semaphore, "timelineSemaphore"),
         (vulkan13.dynamic_rendering, "dynamicRendering"),
         (vulkan13.synchronization2, "synchronization2"),
+        (vulkan13.maintenance4, "maintenance4"),
         (vulkan13.shader_demote_to_helper_invocation, "shaderDemoteToHelperInvocation"),
         (vulkan13.shader_terminate_invocation, "shaderTerminateInvocation"),
     ]
@@ -270,6 +273,6 @@ mod tests {
         let (core, vulkan12, vulkan13) = required();
         assert!(missing(&core, &vulkan12, &vulkan13).is_empty());
         let none = (vk::PhysicalDeviceFeatures::default(), Default::default(), Default::default());
-        assert_eq!(missing(&none.0, &none.1, &none.2).len(), 9);
+        assert_eq!(missing(&none.0, &none.1, &none.2).len(), 10);
     }
 }

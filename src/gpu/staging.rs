@@ -83,6 +83,10 @@ impl Uploads {
         Ok(())
     }
 
+    pub(super) fn gpu(&self) -> &Arc<Gpu> {
+        &self.gpu
+    }
+
     /// Writes level 0 of one layer of a texture.
     pub(super) fn write_layer(&mut self, target: &Image, layer: u32, texels: &[u8]) -> Result<()> {
         let bytes = texels.len() as u64;

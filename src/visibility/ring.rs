@@ -2,7 +2,7 @@
 
 use std::collections::HashMap;
 
-use glam::{Vec2, Vec3};
+use glam::{Mat4, Vec2, Vec3};
 
 use super::Class;
 use crate::scene::{Scene, View};
@@ -75,10 +75,11 @@ impl Adjacency {
         }
         let mut ring = visible.to_vec();
         let mut open = visible.to_vec();
+        let clip_from_eye_relative = view.clip_from_eye_relative();
         while let Some(face) = open.pop() {
             for neighbour in self.around(scene, face) {
                 if !std::mem::replace(&mut asked[neighbour as usize], true)
-                    && could_be_seen(scene, classes, view, neighbour)
+                    && could_be_seen(scene, classes, view, &clip_from_eye_relative, neighbour)
                 {
                     ring.push(neighbour);
                     if misses_all_centres(view, scene.geometry.corners(neighbour)) {
@@ -92,18 +93,25 @@ impl Adjacency {
     }
 }
 
-fn could_be_seen(scene: &Scene, classes: &[Class], view: &View, face: u32) -> bool {
+fn could_be_seen(
+    scene: &Scene,
+    classes: &[Class],
+    view: &View,
+    clip_from_eye_relative: &Mat4,
+    face: u32,
+) -> bool {
     if classes[scene.geometry.face_objects[face as usize] as usize] == Class::Occluder {
         return false;
     }
     let corners = scene.geometry.corners(face);
     let towards = scene.geometry.area_normal(face).dot(view.direction_to(corners[0]));
-    (towards < 0.0 || scene.face_material(face).double_sided) && reaches_into(view, corners)
+    (towards < 0.0 || scene.face_material(face).double_sided)
+        && reaches_into(clip_from_eye_relative, corners.map(|corner| corner - view.eye))
 }
 
-/// Whether a triangle may reach into the view: false only if all corners are beyond one side of it.
-fn reaches_into(view: &View, corners: [Vec3; 3]) -> bool {
-    let clip = corners.map(|corner| view.clip_from_eye_relative() * (corner - view.eye).extend(1.0));
+/// Whether a triangle, given relative to the eye, may reach into the view: false only if all corners are beyond one side of it.
+fn reaches_into(clip_from_eye_relative: &Mat4, corners: [Vec3; 3]) -> bool {
+    let clip = corners.map(|corner| *clip_from_eye_relative * corner.extend(1.0));
     let outside = |beyond: fn(glam::Vec4) -> bool| clip.into_iter().all(beyond);
     !(outside(|p| p.x < -p.w)
         || outside(|p| p.x > p.w)
