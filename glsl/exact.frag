@@ -30,15 +30,6 @@ layout(location = 0) out vec4 radiance;
 uvec4 node_words(uint index) { return texelFetch(node_table, int(index)); }
 vec4 node_floats(uint index) { return uintBitsToFloat(node_words(index)); }
 
-// Share of each light that is not hidden, from a byte a corner.
-void unpack_lit(uint masks, out float lit[MAX_LIGHTS]) {
-    for (uint i = 0u; i < MAX_LIGHTS; ++i) {
-        if (i >= frame.light_count) { lit[i] = 1.0; continue; }
-        uvec3 seen = uvec3(masks >> i, masks >> (i + 8u), masks >> (i + 16u)) & 1u;
-        lit[i] = dot(weights, vec3(seen));
-    }
-}
-
 struct Ray { vec3 origin; vec3 direction; };
 
 struct Candidate { float s; vec3 point; vec2 base_uv; vec2 emissive_uv; };
@@ -95,9 +86,7 @@ vec3 planar_radiance(uvec4 head, Ray ray, out vec3 texel) {
     vec3 n = scene_floats(best_target).xyz;
     vec3 direction = normalize(ray.direction);
     if (dot(n, direction) > 0.0) n = -n;
-    float lit[MAX_LIGHTS];
-    unpack_lit(head.x >> 8, lit);
-    return local_radiance(m, best.point, n, direction, lit);
+    return local_radiance(m, best.point, n, direction, head.x >> 8, weights);
 }
 
 // Radiance of the panorama: its centre is -z, up is +y. The seam of atan has no gradient, so that none is used.
@@ -181,11 +170,7 @@ void main() {
     if ((m.flags & MATERIAL_MASK) != 0u && m.alpha < scene_floats(header.x + 6u).x) discard;
 
     vec3 sum = vec3(0.0);
-    if ((COMPONENTS & COMPONENT_PRIMARY) != 0u) {
-        float lit[MAX_LIGHTS];
-        unpack_lit(header.y, lit);
-        sum += local_radiance(m, position, n, d, lit);
-    }
+    if ((COMPONENTS & COMPONENT_PRIMARY) != 0u) sum += local_radiance(m, position, n, d, header.y, weights);
     if ((header.w & LEAF_SPECULAR) != 0u) {
         Branches branches = branches_at(m, n, ng, d, outside);
         vec3 first_texel[2] = vec3[2](vec3(1.0), vec3(1.0));

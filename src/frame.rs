@@ -3,6 +3,7 @@
 use std::sync::Arc;
 use std::time::Instant;
 
+use crate::constants::MAX_LIGHTS;
 use crate::error::Result;
 use crate::gpu::{Gpu, Uploads};
 use crate::options::{Msaa, Options, Ss};
@@ -103,6 +104,8 @@ impl<'s> Renderer<'s> {
                 Ss::Sixteen => 16,
             },
             detail_textures: plan.detail_textures,
+            lights: (scene.lights.len() as u32).min(MAX_LIGHTS),
+            highlights: plan.highlights,
         };
         let painter = Painter::new(gpu, pass_options, bank, &table, &base)?;
         let settings = Settings::new(&options.paths, &options.scene);

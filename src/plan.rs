@@ -24,6 +24,8 @@ pub struct Plan {
     pub textures: Vec<bool>,
     /// Whether any material has textures beyond base colour and emission.
     pub detail_textures: bool,
+    /// Whether any material shows highlights of lights.
+    pub highlights: bool,
     /// What is left out, and why.
     pub left_out: Vec<LeftOut>,
 }
@@ -95,7 +97,12 @@ impl Plan {
             "normal, roughness, specular and transmission textures",
             "no material has one",
         );
-        Self { specular, receivers, reflection, transmission, passes, textures, detail_textures, left_out }
+        let highlights = need(
+            lit && used().any(|m| m.roughness > 0.0 && !m.unlit && (m.metallic > 0.0 || m.specular > 0.0)),
+            "highlights",
+            "no material shows a highlight of a light",
+        );
+        Self { highlights, specular, receivers, reflection, transmission, passes, textures, detail_textures, left_out }
     }
 
     /// Whether anything is traced: hierarchy, visibility, samples.

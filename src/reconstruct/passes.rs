@@ -102,6 +102,10 @@ pub struct PassOptions {
     pub shaded: u32,
     /// Whether any material has textures beyond base colour and emission.
     pub detail_textures: bool,
+    /// Number of lights.
+    pub lights: u32,
+    /// Whether any material shows highlights.
+    pub highlights: bool,
 }
 
 /// Faces that are drawn without samples, by how they are drawn.
@@ -405,6 +409,8 @@ impl Painter {
             (2, key.nodes),
             (3, key.components),
             (4, u32::from(self.options.equation == Equation::Four)),
+            (5, self.options.lights),
+            (6, u32::from(self.options.highlights)),
         ];
         let (blend, depth) = match key.blend {
             PassBlend::First => (Blend::Replace, DepthMode::Write),
