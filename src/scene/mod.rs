@@ -6,6 +6,7 @@
 pub mod camera;
 pub mod classify;
 pub mod demo;
+pub mod environment;
 pub mod gltf;
 pub mod light;
 pub mod material;
