@@ -10,7 +10,10 @@ use obvhs::{
     ray::{Ray, RayHit},
 };
 
-use super::texel;
+use super::{
+    surface::{self, Record},
+    texel,
+};
 use crate::scene::{AlphaMode, Scene};
 
 /// Rays end this fraction of the distance short of a light, so that a light on a surface is seen.
@@ -49,7 +52,8 @@ pub struct Tracer<'s> {
     /// Distance that a ray parameter of 1 stands for; a power of two, so that scaling is exact.
     unit: f32,
     masked: bool,
-    offsets: Vec<f32>,
+    /// In the order of the scene's faces.
+    records: Vec<Record>,
 }
 
 impl<'s> Tracer<'s> {
@@ -73,7 +77,7 @@ impl<'s> Tracer<'s> {
             bvh,
             unit: (extent * RAY_UNIT).log2().floor().exp2(),
             masked,
-            offsets: super::surface::offsets(geometry),
+            records: surface::records(scene),
         }
     }
 
@@ -82,9 +86,9 @@ impl<'s> Tracer<'s> {
         self.scene
     }
 
-    /// How far ray origins on `face` are moved off it: see [`Surface::offset`](super::Surface::offset).
-    pub fn offset(&self, face: u32) -> f32 {
-        self.offsets[face as usize]
+    #[inline]
+    pub(super) fn record(&self, face: u32) -> &Record {
+        &self.records[face as usize]
     }
 
     /// The nearest hit from `origin` along the unit vector `direction`.
