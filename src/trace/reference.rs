@@ -235,10 +235,10 @@ impl<'t, 's> Path<'t, 's> {
         }
         let scene = self.tracer.scene();
         let Some(hit) = self.tracer.closest(branch.origin, branch.direction) else {
-            return shade::background(scene, branch.direction) * branch.transmittance(f32::INFINITY);
+            return shade::background(scene, branch.direction) * branch.transmittance(None);
         };
-        let inside = branch.transmittance(hit.t);
         let at = Surface::new(self.tracer, hit.face, hit.u, hit.v, branch.direction);
+        let inside = branch.transmittance(Some(at.position));
         let appearance = Appearance::new(scene, &at);
         self.surface(&at, &appearance, branch.direction, bounces, throughput * inside) * inside
     }
