@@ -177,6 +177,19 @@ fn reference_writes_image_and_stats() {
 }
 
 #[test]
+fn devices_are_listed_or_missed() {
+    let output = run(&["devices"]);
+    assert_eq!(output.status.code(), Some(0), "{}; to install one: make setup", text(&output.stderr));
+    assert!(text(&output.stdout).contains("): can serve\n"), "{}", text(&output.stdout));
+
+    let output = vtrace().arg("devices").env("VK_DRIVER_FILES", "/nonexistent.json").output().unwrap();
+    let stderr = text(&output.stderr);
+    assert_eq!(output.status.code(), Some(1), "{stderr}");
+    assert!(stderr.starts_with("error: ") && stderr.contains("mesa-vulkan-drivers"), "{stderr}");
+    assert_eq!(stderr.lines().count(), 1, "{stderr}");
+}
+
+#[test]
 fn a_closed_pipe_is_no_error_and_a_full_disk_is() {
     let place = Place::new();
     let compare = |stdout: Stdio| {

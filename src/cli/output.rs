@@ -42,7 +42,7 @@ impl OutputArgs {
         if let Some(image) = image.filter(|_| self.exposure != 0.0)
             && Format::of(image)? != Format::Png
         {
-            log::warn!("{}: --exposure does not apply, only PNG is exposed", image.display());
+            terminal::note(&format!("{}: --exposure does not apply, only PNG is exposed", image.display()));
         }
         Ok(())
     }
