@@ -166,6 +166,7 @@ fn reference_writes_image_and_stats() {
     assert_eq!(stats["image"]["width"], 64);
     assert_eq!(stats["rays"]["primary"], 64 * 48);
     assert_eq!(stats["options"]["spp"], 1);
+    assert!(text(&output.stdout).contains("\"roughness_threshold\": 0.1,"), "shortest digits");
     let image = FloatImage::read(&place.path("out.pfm")).unwrap();
     assert_eq!((image.width, image.height), (64, 48));
     assert!(image.pixels.iter().any(|pixel| pixel[0] > 0.0), "a black picture");
