@@ -14,14 +14,14 @@ layout(constant_id = 4) const bool EQUATION_FOUR = false;
 layout(set = 1, binding = 2) uniform usamplerBuffer node_table;
 layout(set = 0, binding = 3) uniform sampler2DArray environment;
 
-layout(location = 0) in vec3 position;
-layout(location = 1) in vec3 normal;
-layout(location = 2) in vec4 uv;
-layout(location = 3) in vec3 weights;
-layout(location = 4) in vec4 color;
-layout(location = 5) in vec4 tangent;
-layout(location = 6) in vec3 comb_reflected;
-layout(location = 7) in vec3 comb_transmitted;
+layout(location = 0) centroid in vec3 position;
+layout(location = 1) centroid in vec3 normal;
+layout(location = 2) centroid in vec4 uv;
+layout(location = 3) centroid in vec3 weights;
+layout(location = 4) centroid in vec4 color;
+layout(location = 5) centroid in vec4 tangent;
+layout(location = 6) centroid in vec3 comb_reflected;
+layout(location = 7) centroid in vec3 comb_transmitted;
 layout(location = 8) flat in uvec4 header;
 layout(location = 9) flat in vec3 facet;
 
@@ -29,15 +29,6 @@ layout(location = 0) out vec4 radiance;
 
 uvec4 node_words(uint index) { return texelFetch(node_table, int(index)); }
 vec4 node_floats(uint index) { return uintBitsToFloat(node_words(index)); }
-
-// Share of each light that is not hidden, from a byte a corner.
-void unpack_lit(uint masks, out float lit[MAX_LIGHTS]) {
-    for (uint i = 0u; i < MAX_LIGHTS; ++i) {
-        if (i >= frame.light_count) { lit[i] = 1.0; continue; }
-        uvec3 seen = uvec3(masks >> i, masks >> (i + 8u), masks >> (i + 16u)) & 1u;
-        lit[i] = dot(weights, vec3(seen));
-    }
-}
 
 struct Ray { vec3 origin; vec3 direction; };
 
@@ -95,9 +86,7 @@ vec3 planar_radiance(uvec4 head, Ray ray, out vec3 texel) {
     vec3 n = scene_floats(best_target).xyz;
     vec3 direction = normalize(ray.direction);
     if (dot(n, direction) > 0.0) n = -n;
-    float lit[MAX_LIGHTS];
-    unpack_lit(head.x >> 8, lit);
-    return local_radiance(m, best.point, n, direction, lit);
+    return local_radiance(m, best.point, n, direction, head.x >> 8, weights);
 }
 
 // Radiance of the panorama: its centre is -z, up is +y. The seam of atan has no gradient, so that none is used.
@@ -181,11 +170,7 @@ void main() {
     if ((m.flags & MATERIAL_MASK) != 0u && m.alpha < scene_floats(header.x + 6u).x) discard;
 
     vec3 sum = vec3(0.0);
-    if ((COMPONENTS & COMPONENT_PRIMARY) != 0u) {
-        float lit[MAX_LIGHTS];
-        unpack_lit(header.y, lit);
-        sum += local_radiance(m, position, n, d, lit);
-    }
+    if ((COMPONENTS & COMPONENT_PRIMARY) != 0u) sum += local_radiance(m, position, n, d, header.y, weights);
     if ((header.w & LEAF_SPECULAR) != 0u) {
         Branches branches = branches_at(m, n, ng, d, outside);
         vec3 first_texel[2] = vec3[2](vec3(1.0), vec3(1.0));

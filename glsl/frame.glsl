@@ -21,6 +21,9 @@ layout(set = 0, binding = 0, scalar) uniform Frame {
     uint orthographic;
     float ambient;
     Light lights[MAX_LIGHTS];
+    uint width;
+    uint height;
+    uint pad;
 } frame;
 
 // Materials and targets, fixed for a scene. A texel buffer, not a storage buffer: what it holds feeds

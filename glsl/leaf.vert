@@ -8,14 +8,14 @@
 layout(set = 1, binding = 0, scalar) readonly buffer Vertices { Vertex vertices[]; };
 layout(set = 1, binding = 1, scalar) readonly buffer Leaves { Leaf leaves[]; };
 
-layout(location = 0) out vec3 position;
-layout(location = 1) out vec3 normal;
-layout(location = 2) out vec4 uv;
-layout(location = 3) out vec3 weights;
-layout(location = 4) out vec4 color;
-layout(location = 5) out vec4 tangent;
-layout(location = 6) out vec3 comb_reflected;
-layout(location = 7) out vec3 comb_transmitted;
+layout(location = 0) centroid out vec3 position;
+layout(location = 1) centroid out vec3 normal;
+layout(location = 2) centroid out vec4 uv;
+layout(location = 3) centroid out vec3 weights;
+layout(location = 4) centroid out vec4 color;
+layout(location = 5) centroid out vec4 tangent;
+layout(location = 6) centroid out vec3 comb_reflected;
+layout(location = 7) centroid out vec3 comb_transmitted;
 layout(location = 8) flat out uvec4 header;
 layout(location = 9) flat out vec3 facet;
 

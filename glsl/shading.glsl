@@ -5,6 +5,10 @@
 #include "frame.glsl"
 #include "material.glsl"
 
+// Lights of the scene, and whether any surface has highlights or spot lights: loops unroll, branches go.
+layout(constant_id = 5) const uint LIGHTS = MAX_LIGHTS;
+layout(constant_id = 6) const bool HAS_HIGHLIGHTS = true;
+
 const float PI = 3.14159265358979;
 
 struct Incident { vec3 to_light; vec3 irradiance; };
@@ -25,30 +29,37 @@ Incident incident(Light light, vec3 point) {
     return Incident(to_light, light.intensity * falloff);
 }
 
-// Radiance without mirror images towards a viewer who looks along `direction`; `lit` holds the share of each
-// light that is not hidden: design §2, "Local component".
-vec3 local_radiance(Material m, vec3 position, vec3 n, vec3 direction, float lit[MAX_LIGHTS]) {
+// Share of light `i` that is not hidden, from a byte of bits a corner and the corners' weights.
+float light_share(uint masks, uint i, vec3 weights) {
+    uvec3 seen = uvec3(masks >> i, masks >> (i + 8u), masks >> (i + 16u)) & 1u;
+    return dot(weights, vec3(seen));
+}
+
+// Radiance without mirror images towards a viewer who looks along `direction`, under the lights that `masks`
+// and `weights` show: design §2, "Local component".
+vec3 local_radiance(Material m, vec3 position, vec3 n, vec3 direction, uint masks, vec3 weights) {
     vec3 base = m.base * m.base_texel;
     if ((m.flags & MATERIAL_UNLIT) != 0u) return base;
     float diffuse = (1.0 - m.metallic) * (1.0 - m.transmission);
-    vec3 radiance = m.emission + base * frame.ambient * diffuse;
-    bool highlights = m.roughness > 0.0;
-    if (diffuse <= 0.0 && !highlights) return radiance;
-    float r2 = m.roughness * m.roughness;
-    float exponent = highlights ? clamp(2.0 / (r2 * r2) - 2.0, 0.0, MAX_PHONG_EXPONENT) : 0.0;
-    vec3 k_s = mix(m.specular, base, m.metallic);
-    for (uint i = 0u; i < frame.light_count; ++i) {
+    bool highlights = HAS_HIGHLIGHTS && m.roughness > 0.0;
+    vec3 scattered = base * (diffuse / PI);
+    vec3 k_s = vec3(0.0);
+    float exponent = 0.0;
+    if (highlights) {
+        float r2 = m.roughness * m.roughness;
+        exponent = clamp(2.0 / (r2 * r2) - 2.0, 0.0, MAX_PHONG_EXPONENT);
+        k_s = mix(m.specular, base, m.metallic) * ((exponent + 2.0) / (2.0 * PI));
+    }
+    vec3 radiance = m.emission + base * (frame.ambient * diffuse);
+    for (uint i = 0u; i < LIGHTS; ++i) {
         Incident light = incident(frame.lights[i], position);
-        float cosine = dot(light.to_light, n);
-        if (cosine <= 0.0 || lit[i] <= 0.0) continue;
-        vec3 irradiance = light.irradiance * (cosine * lit[i]);
-        vec3 response = base * (diffuse / PI);
+        float cosine = max(dot(light.to_light, n), 0.0);
+        vec3 response = scattered;
         if (highlights) {
             vec3 mirrored = n * (2.0 * cosine) - light.to_light;
-            float lobe = (exponent + 2.0) / (2.0 * PI) * pow(max(-dot(mirrored, direction), 0.0), exponent);
-            response += k_s * lobe;
+            response += k_s * pow(max(-dot(mirrored, direction), 0.0), exponent);
         }
-        radiance += irradiance * response;
+        radiance += light.irradiance * (cosine * light_share(masks, i, weights)) * response;
     }
     return radiance;
 }

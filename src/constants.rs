@@ -38,6 +38,10 @@ shared_constants! {
     CODE_SHADOW: u32 = 128;
     /// Alpha of the ID buffer on faces of specular VT objects (paper §3.1: the primary-face code).
     CODE_VT: u32 = 255;
+    /// Invocations in a workgroup of the shader that counts pixels per face, side by side.
+    COUNT_GROUP: u32 = 64;
+    /// Pixels that each of them walks down.
+    COUNT_STRIP: u32 = 32;
     /// Largest magnitude that an RGBA16F target holds without overflow to infinity.
     MAX_RADIANCE: f32 = 65504.0;
 

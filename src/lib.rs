@@ -4,8 +4,10 @@
 pub mod cli;
 pub mod constants;
 pub mod error;
+pub mod frame;
 pub mod gpu;
 pub mod options;
+pub mod plan;
 pub mod reconstruct;
 pub mod refine;
 pub mod report;

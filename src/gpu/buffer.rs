@@ -15,11 +15,7 @@ use ash::vk;
 use bytemuck::Pod;
 use gpu_allocator::{MemoryLocation, vulkan::Allocation};
 
-use super::{
-    Access, Gpu, ReadbackChoice, ReadbackMemory,
-    device::out_of_memory,
-    memory::atom_range,
-};
+use super::{Access, Gpu, ReadbackChoice, ReadbackMemory, device::out_of_memory, memory::atom_range};
 use crate::error::Result;
 
 /// A buffer that only the device reaches. Clones share it.
@@ -54,6 +50,7 @@ impl DeviceBuffer {
             | vk::BufferUsageFlags::INDEX_BUFFER
             | vk::BufferUsageFlags::UNIFORM_BUFFER
             | vk::BufferUsageFlags::STORAGE_BUFFER
+            | vk::BufferUsageFlags::UNIFORM_TEXEL_BUFFER
             | vk::BufferUsageFlags::INDIRECT_BUFFER
             | vk::BufferUsageFlags::TRANSFER_SRC
             | vk::BufferUsageFlags::TRANSFER_DST;
@@ -99,7 +96,9 @@ impl UploadBuffer {
         if let Some(mapped) = self.raw.mapped() {
             // SAFETY: in bounds (asserted), mapped for the buffer's life; `&mut self` is the only handle to
             // the mapping and the device is done with it (waited).
-            unsafe { mapped.as_ptr().add(offset as usize).copy_from_nonoverlapping(bytes.as_ptr(), bytes.len()) };
+            unsafe {
+                mapped.as_ptr().add(offset as usize).copy_from_nonoverlapping(bytes.as_ptr(), bytes.len())
+            };
         }
         Ok(())
     }
@@ -173,7 +172,11 @@ enum Memory {
     None,
     Shared(Allocation),
     /// Of its own, mapped: gpu-allocator knows no non-coherent memory.
-    Own { memory: vk::DeviceMemory, mapped: Option<NonNull<u8>>, size: u64 },
+    Own {
+        memory: vk::DeviceMemory,
+        mapped: Option<NonNull<u8>>,
+        size: u64,
+    },
 }
 
 // SAFETY: the pointer is to memory that belongs to the buffer and moves with it; reads and writes through it
@@ -185,7 +188,7 @@ unsafe impl Sync for Memory {}
 impl RawBuffer {
     fn new(gpu: &Arc<Gpu>, name: &str, size: u64, usage: vk::BufferUsageFlags) -> Result<Self> {
         // Empty scenes have empty arrays; Vulkan has no empty buffers.
-        let size = size.next_multiple_of(4).max(4);
+        let size = size.next_multiple_of(4).max(16);
         let info = vk::BufferCreateInfo::default().size(size).usage(usage);
         // SAFETY: a live device; `info` is complete.
         let handle = gpu
@@ -226,7 +229,8 @@ impl RawBuffer {
     fn allocate_readback(&mut self, choice: ReadbackChoice) -> Result<ReadbackMemory> {
         let requirements = self.requirements();
         let (index, kind) = choice.resolve(&self.gpu, requirements.memory_type_bits, &self.name)?;
-        let info = vk::MemoryAllocateInfo::default().allocation_size(requirements.size).memory_type_index(index);
+        let info =
+            vk::MemoryAllocateInfo::default().allocation_size(requirements.size).memory_type_index(index);
         // SAFETY: the type exists; the memory is freed with the buffer.
         let memory = self
             .gpu

@@ -66,9 +66,13 @@ pub(super) fn choose(instance: &Instance, wanted: Option<&str>) -> Result<Candid
 }
 
 fn pick(infos: &[&DeviceInfo], wanted: Option<&str>) -> Result<usize> {
-    let list = |entry: fn(&DeviceInfo) -> String| infos.iter().map(|info| entry(info)).collect::<Vec<_>>().join("; ");
+    let list = |entry: fn(&DeviceInfo) -> String| {
+        infos.iter().map(|info| entry(info)).collect::<Vec<_>>().join("; ")
+    };
     if infos.is_empty() {
-        return Err(Error::NoDevice(format!("no Vulkan device; install a software one with `{INSTALL_DRIVER}`")));
+        return Err(Error::NoDevice(format!(
+            "no Vulkan device; install a software one with `{INSTALL_DRIVER}`"
+        )));
     }
     if let Some(wanted) = wanted {
         let named = |info: &DeviceInfo| info.name.to_lowercase().contains(&wanted.to_lowercase());
@@ -87,8 +91,12 @@ fn pick(infos: &[&DeviceInfo], wanted: Option<&str>) -> Result<usize> {
     }
     let usable = (0..infos.len()).filter(|&index| infos[index].usable.is_ok());
     usable.min_by_key(|&index| (infos[index].kind, index)).ok_or_else(|| {
-        let reasons = list(|info| format!("{}: {}", info.name, info.usable.as_ref().err().cloned().unwrap_or_default()));
-        Error::NoDevice(format!("no Vulkan device can serve ({reasons}); install a software one with `{INSTALL_DRIVER}`"))
+        let reasons = list(|info| {
+            format!("{}: {}", info.name, info.usable.as_ref().err().cloned().unwrap_or_default())
+        });
+        Error::NoDevice(format!(
+            "no Vulkan device can serve ({reasons}); install a software one with `{INSTALL_DRIVER}`"
+        ))
     })
 }
 
@@ -118,7 +126,9 @@ fn inspect(instance: &Instance, index: usize, handle: vk::PhysicalDevice) -> Can
             instance.handle.get_physical_device_features2(handle, &mut features2);
         }
         features = features2.features;
-        let text = |text: Result<&CStr, _>| text.map_or(String::new(), |text: &CStr| text.to_string_lossy().into_owned());
+        let text = |text: Result<&CStr, _>| {
+            text.map_or(String::new(), |text: &CStr| text.to_string_lossy().into_owned())
+        };
         driver = format!(
             "{} {}",
             text(driver_properties.driver_name_as_c_str()),
@@ -139,7 +149,9 @@ fn inspect(instance: &Instance, index: usize, handle: vk::PhysicalDevice) -> Can
         handle,
         info: DeviceInfo {
             index,
-            name: properties.device_name_as_c_str().map_or("?".into(), |name| name.to_string_lossy().into_owned()),
+            name: properties
+                .device_name_as_c_str()
+                .map_or("?".into(), |name| name.to_string_lossy().into_owned()),
             driver: driver.trim().into(),
             kind: kind(properties.device_type),
             api_version: version_parts(properties.api_version),
@@ -165,10 +177,12 @@ pub(super) fn required() -> (
         .scalar_block_layout(true)
         .host_query_reset(true)
         .timeline_semaphore(true);
-    // Which of the two a `discard` needs depends on the version of the shader compiler.
+    // SPIR-V 1.6 compute shaders need maintenance4. Which of the last two a `discard` needs depends on the
+    // version of the shader compiler.
     let vulkan13 = vk::PhysicalDeviceVulkan13Features::default()
         .dynamic_rendering(true)
         .synchronization2(true)
+        .maintenance4(true)
         .shader_demote_to_helper_invocation(true)
         .shader_terminate_invocation(true);
     (core, vulkan12, vulkan13)
@@ -187,6 +201,7 @@ fn missing(
         (vulkan12.timeline_semaphore, "timelineSemaphore"),
         (vulkan13.dynamic_rendering, "dynamicRendering"),
         (vulkan13.synchronization2, "synchronization2"),
+        (vulkan13.maintenance4, "maintenance4"),
         (vulkan13.shader_demote_to_helper_invocation, "shaderDemoteToHelperInvocation"),
         (vulkan13.shader_terminate_invocation, "shaderTerminateInvocation"),
     ]
@@ -258,6 +273,6 @@ mod tests {
         let (core, vulkan12, vulkan13) = required();
         assert!(missing(&core, &vulkan12, &vulkan13).is_empty());
         let none = (vk::PhysicalDeviceFeatures::default(), Default::default(), Default::default());
-        assert_eq!(missing(&none.0, &none.1, &none.2).len(), 9);
+        assert_eq!(missing(&none.0, &none.1, &none.2).len(), 10);
     }
 }

@@ -41,8 +41,8 @@ impl Commands {
     pub fn new(gpu: &Arc<Gpu>, name: &str, scopes: u32) -> Result<Self> {
         let info = vk::CommandPoolCreateInfo::default().queue_family_index(gpu.queue_family);
         // SAFETY: a live device; the queue family exists.
-        let pool =
-            gpu.call("vkCreateCommandPool", name, |device| unsafe { device.create_command_pool(&info, None) })?;
+        let pool = gpu
+            .call("vkCreateCommandPool", name, |device| unsafe { device.create_command_pool(&info, None) })?;
         // From here on `commands` frees the pool if a later step fails.
         let mut commands = Self {
             gpu: gpu.clone(),
@@ -157,7 +157,8 @@ impl<'a> Recording<'a> {
         assert!(image.bytes() <= target.size(), "{} does not fit into {}", image.raw.name, target.raw.name);
         self.image_access(&image.raw, Access::TransferRead, false);
         self.buffer_access(&target.raw, Access::TransferWrite);
-        let aspect = if image.format().is_depth() { vk::ImageAspectFlags::DEPTH } else { vk::ImageAspectFlags::COLOR };
+        let aspect =
+            if image.format().is_depth() { vk::ImageAspectFlags::DEPTH } else { vk::ImageAspectFlags::COLOR };
         let regions = [image_copy(&image.raw, aspect, 0, 0)];
         // SAFETY: recording; the copy fits and both sides are in the right layout or access.
         unsafe {
@@ -197,7 +198,13 @@ impl<'a> Recording<'a> {
     ///
     /// # Panics
     /// If `push` is not of the size that the pipeline was made for.
-    pub fn dispatch<P: Pod>(&mut self, pipeline: &ComputePipeline, sets: &[&DescriptorSet], push: &P, groups: [u32; 3]) {
+    pub fn dispatch<P: Pod>(
+        &mut self,
+        pipeline: &ComputePipeline,
+        sets: &[&DescriptorSet],
+        push: &P,
+        groups: [u32; 3],
+    ) {
         let (raw, commands) = (&pipeline.raw, self.raw());
         let bytes = bytemuck::bytes_of(push);
         assert_eq!(bytes.len(), raw.push_bytes as usize, "size of push constants");
@@ -229,7 +236,9 @@ impl<'a> Recording<'a> {
         let commands = &mut *self.commands;
         let (gpu, buffer) = (&commands.gpu, commands.buffer);
         // SAFETY: recording, outside of a render pass.
-        gpu.call("vkEndCommandBuffer", &commands.name, |device| unsafe { device.end_command_buffer(buffer) })?;
+        gpu.call("vkEndCommandBuffer", &commands.name, |device| unsafe {
+            device.end_command_buffer(buffer)
+        })?;
         let value = gpu.submit(buffer, &commands.name)?;
         commands.submitted = value;
         for touched in &commands.touched {
@@ -251,7 +260,12 @@ impl<'a> Recording<'a> {
     }
 
     /// Copies parts of `source` to `target`, each a source offset, a target offset and a size in bytes.
-    pub(super) fn upload_buffer(&mut self, source: &'a UploadBuffer, target: &Arc<RawBuffer>, parts: &[vk::BufferCopy]) {
+    pub(super) fn upload_buffer(
+        &mut self,
+        source: &'a UploadBuffer,
+        target: &Arc<RawBuffer>,
+        parts: &[vk::BufferCopy],
+    ) {
         self.buffer_access(&source.raw, Access::TransferRead);
         self.buffer_access(target, Access::TransferWrite);
         // SAFETY: recording; the caller checked the bounds.
@@ -259,7 +273,13 @@ impl<'a> Recording<'a> {
     }
 
     /// Copies `source`, from byte `offset`, to level 0 of one layer of a texture.
-    pub(super) fn upload_image(&mut self, source: &'a UploadBuffer, offset: u64, target: &Arc<RawImage>, layer: u32) {
+    pub(super) fn upload_image(
+        &mut self,
+        source: &'a UploadBuffer,
+        offset: u64,
+        target: &Arc<RawImage>,
+        layer: u32,
+    ) {
         self.buffer_access(&source.raw, Access::TransferRead);
         self.image_access(target, Access::TransferWrite, false);
         let regions = [image_copy(target, vk::ImageAspectFlags::COLOR, layer, offset)];
@@ -336,7 +356,8 @@ impl<'a> Recording<'a> {
         let before = self.touch_image(image, access);
         if discard || before.needs_barrier(access) {
             let mips = (0, image.mips);
-            let barriers = [image_barrier(image.handle, image.format.aspect(), mips, (before, access), discard)];
+            let barriers =
+                [image_barrier(image.handle, image.format.aspect(), mips, (before, access), discard)];
             let dependency = vk::DependencyInfo::default().image_memory_barriers(&barriers);
             // SAFETY: recording, outside of a render pass.
             unsafe { self.device().cmd_pipeline_barrier2(self.raw(), &dependency) };
@@ -392,7 +413,12 @@ impl Submission {
     }
 }
 
-fn image_copy(image: &RawImage, aspect: vk::ImageAspectFlags, layer: u32, offset: u64) -> vk::BufferImageCopy {
+fn image_copy(
+    image: &RawImage,
+    aspect: vk::ImageAspectFlags,
+    layer: u32,
+    offset: u64,
+) -> vk::BufferImageCopy {
     vk::BufferImageCopy::default()
         .buffer_offset(offset)
         .image_subresource(vk::ImageSubresourceLayers {

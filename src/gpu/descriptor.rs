@@ -27,6 +27,9 @@ pub enum BindingKind {
     Uniform,
     /// A sampled image with its sampler.
     Texture,
+    /// A buffer read as texels of four words. Unlike a storage buffer's, what a fragment shader reads from it
+    /// may feed a derivative on every device.
+    Texels,
 }
 
 impl Binding {
@@ -40,6 +43,11 @@ impl Binding {
         Self { name, kind: BindingKind::Uniform, count: 1 }
     }
 
+    /// A buffer of texels called `name`.
+    pub const fn texels(name: &'static str) -> Self {
+        Self { name, kind: BindingKind::Texels, count: 1 }
+    }
+
     /// An array of `count` textures called `name`.
     pub const fn textures(name: &'static str, count: u32) -> Self {
         Self { name, kind: BindingKind::Texture, count }
@@ -47,13 +55,14 @@ impl Binding {
 }
 
 impl BindingKind {
-    const ALL: [Self; 3] = [Self::Storage, Self::Uniform, Self::Texture];
+    const ALL: [Self; 4] = [Self::Storage, Self::Uniform, Self::Texture, Self::Texels];
 
     fn vk(self) -> vk::DescriptorType {
         match self {
             Self::Storage => vk::DescriptorType::STORAGE_BUFFER,
             Self::Uniform => vk::DescriptorType::UNIFORM_BUFFER,
             Self::Texture => vk::DescriptorType::COMBINED_IMAGE_SAMPLER,
+            Self::Texels => vk::DescriptorType::UNIFORM_TEXEL_BUFFER,
         }
     }
 }
@@ -143,6 +152,7 @@ impl SetLayout {
             handle: vk::DescriptorSet::null(),
             held_buffers: Vec::new(),
             held_images: Vec::new(),
+            views: Vec::new(),
         };
         gpu.name(pool, name);
         let layouts = [layout.handle];
@@ -154,10 +164,16 @@ impl SetLayout {
         gpu.name(set.handle, name);
         for (number, binding) in (0..).zip(&layout.bindings) {
             let found = resources.iter().find(|(name, _)| *name == binding.name);
-            let (_, resource) = found.unwrap_or_else(|| panic!("{name}: binding {} is not written", binding.name));
+            let (_, resource) =
+                found.unwrap_or_else(|| panic!("{name}: binding {} is not written", binding.name));
             set.write(number, binding, resource)?;
         }
-        assert_eq!(resources.len(), layout.bindings.len(), "{name}: a resource without a binding in {}", layout.name);
+        assert_eq!(
+            resources.len(),
+            layout.bindings.len(),
+            "{name}: a resource without a binding in {}",
+            layout.name
+        );
         Ok(DescriptorSet { raw: Arc::new(set) })
     }
 }
@@ -188,6 +204,7 @@ pub(super) struct RawSet {
     pub(super) handle: vk::DescriptorSet,
     held_buffers: Vec<Arc<RawBuffer>>,
     held_images: Vec<Arc<RawImage>>,
+    views: Vec<vk::BufferView>,
 }
 
 impl RawSet {
@@ -212,7 +229,8 @@ impl RawSet {
                         ),
                     });
                 }
-                let infos = [vk::DescriptorBufferInfo::default().buffer(buffer.raw.handle).range(vk::WHOLE_SIZE)];
+                let infos =
+                    [vk::DescriptorBufferInfo::default().buffer(buffer.raw.handle).range(vk::WHOLE_SIZE)];
                 self.held_buffers.push(buffer.raw.clone());
                 // SAFETY: a fresh set, used by no command yet; the buffer is kept alive by it.
                 unsafe { gpu.device.update_descriptor_sets(&[write.buffer_info(&infos)], &[]) };
@@ -232,6 +250,30 @@ impl RawSet {
                 // SAFETY: as above, for the images; samplers live as long as the device.
                 unsafe { gpu.device.update_descriptor_sets(&[write.image_info(&infos)], &[]) };
             }
+            (BindingKind::Texels, Resource::Buffer(buffer)) => {
+                let texels = buffer.size() / 16;
+                let limit = gpu.limits.max_texel_buffer_elements;
+                if texels > u64::from(limit) {
+                    return Err(Error::DeviceMemory {
+                        object: format!("buffer {}", buffer.raw.name),
+                        problem: format!("{texels} texels; the device reads at most {limit}: use fewer samples"),
+                    });
+                }
+                let info = vk::BufferViewCreateInfo::default()
+                    .buffer(buffer.raw.handle)
+                    .format(vk::Format::R32G32B32A32_UINT)
+                    .range(texels * 16);
+                // SAFETY: a live buffer with the usage for it, kept alive by the set.
+                let view = gpu.call("vkCreateBufferView", &buffer.raw.name, |device| unsafe {
+                    device.create_buffer_view(&info, None)
+                })?;
+                gpu.name(view, &buffer.raw.name);
+                self.views.push(view);
+                self.held_buffers.push(buffer.raw.clone());
+                let views = [view];
+                // SAFETY: as above; the view lives as long as the set.
+                unsafe { gpu.device.update_descriptor_sets(&[write.texel_buffer_view(&views)], &[]) };
+            }
             _ => panic!("binding {} is a {:?}", binding.name, binding.kind),
         }
         Ok(())
@@ -240,7 +282,13 @@ impl RawSet {
 
 impl Drop for RawSet {
     fn drop(&mut self) {
-        // SAFETY: command buffers own the sets they use until the device is done; frees the set too.
-        unsafe { self.layout.gpu.device.destroy_descriptor_pool(self.pool, None) };
+        // SAFETY: command buffers own the sets they use until the device is done; frees the set too, which
+        // alone used the views.
+        unsafe {
+            self.layout.gpu.device.destroy_descriptor_pool(self.pool, None);
+            for &view in &self.views {
+                self.layout.gpu.device.destroy_buffer_view(view, None);
+            }
+        }
     }
 }

@@ -227,7 +227,8 @@ impl Gpu {
         location: MemoryLocation,
         linear: bool,
     ) -> Result<Allocation> {
-        self.call("vkAllocateMemory", name, |_| Ok(())).map_err(|error| out_of_memory(name, requirements.size, error))?;
+        self.call("vkAllocateMemory", name, |_| Ok(()))
+            .map_err(|error| out_of_memory(name, requirements.size, error))?;
         let desc = AllocationCreateDesc {
             name,
             requirements,
@@ -334,9 +335,10 @@ fn vulkan_error(call: &str, object: &str) -> impl FnOnce(vk::Result) -> Error {
 /// `error`, said as a lack of memory if it is one.
 pub(super) fn out_of_memory(object: &str, bytes: u64, error: Error) -> Error {
     match error {
-        Error::Vulkan { code: vk::Result::ERROR_OUT_OF_DEVICE_MEMORY | vk::Result::ERROR_OUT_OF_HOST_MEMORY, .. } => {
-            no_memory(object, bytes)
-        }
+        Error::Vulkan {
+            code: vk::Result::ERROR_OUT_OF_DEVICE_MEMORY | vk::Result::ERROR_OUT_OF_HOST_MEMORY,
+            ..
+        } => no_memory(object, bytes),
         error => error,
     }
 }

@@ -62,13 +62,15 @@ impl<'a> Recording<'a> {
         }
         let colors: Vec<_> = targets.colors.iter().map(color_attachment).collect();
         let depth = targets.depth.map(|depth| depth_attachment(&depth));
-        let first = targets.colors.first().map(|color| color.image).or(targets.depth.map(|depth| depth.image));
+        let first =
+            targets.colors.first().map(|color| color.image).or(targets.depth.map(|depth| depth.image));
         let size = first.expect("a render pass has a target");
         let area = vk::Rect2D {
             offset: vk::Offset2D::default(),
             extent: vk::Extent2D { width: size.width(), height: size.height() },
         };
-        let mut info = vk::RenderingInfo::default().render_area(area).layer_count(1).color_attachments(&colors);
+        let mut info =
+            vk::RenderingInfo::default().render_area(area).layer_count(1).color_attachments(&colors);
         if let (Some(attachment), Some(target)) = (&depth, targets.depth) {
             info = info.depth_attachment(attachment);
             if target.image.format().has_stencil() {
@@ -232,7 +234,11 @@ fn color_attachment(target: &ColorTarget<'_>) -> vk::RenderingAttachmentInfo<'st
     let mut info = vk::RenderingAttachmentInfo::default()
         .image_view(target.image.raw.view)
         .image_layout(Access::ColorTarget.layout())
-        .load_op(if target.clear.is_some() { vk::AttachmentLoadOp::CLEAR } else { vk::AttachmentLoadOp::LOAD })
+        .load_op(if target.clear.is_some() {
+            vk::AttachmentLoadOp::CLEAR
+        } else {
+            vk::AttachmentLoadOp::LOAD
+        })
         .store_op(vk::AttachmentStoreOp::STORE)
         .clear_value(vk::ClearValue {
             color: vk::ClearColorValue { float32: target.clear.unwrap_or_default() },
@@ -252,7 +258,5 @@ fn depth_attachment(target: &DepthTarget<'_>) -> vk::RenderingAttachmentInfo<'st
         .image_layout(Access::DepthTarget.layout())
         .load_op(if target.clear { vk::AttachmentLoadOp::CLEAR } else { vk::AttachmentLoadOp::LOAD })
         .store_op(vk::AttachmentStoreOp::STORE)
-        .clear_value(vk::ClearValue {
-            depth_stencil: vk::ClearDepthStencilValue { depth: 0.0, stencil: 0 },
-        })
+        .clear_value(vk::ClearValue { depth_stencil: vk::ClearDepthStencilValue { depth: 0.0, stencil: 0 } })
 }

@@ -114,7 +114,13 @@ impl<'a> ImageDesc<'a> {
     }
 
     /// An array texture of `layers` layers, with all mip levels if `mipped`.
-    pub fn texture(name: &'a str, format: Format, (width, height): (u32, u32), layers: u32, mipped: bool) -> Self {
+    pub fn texture(
+        name: &'a str,
+        format: Format,
+        (width, height): (u32, u32),
+        layers: u32,
+        mipped: bool,
+    ) -> Self {
         let mips = if mipped { full_mips(width, height) } else { 1 };
         Self { name, format, usage: ImageUse::Texture, width, height, layers, mips, samples: 1 }
     }
@@ -192,7 +198,10 @@ impl RawImage {
             .tiling(vk::ImageTiling::OPTIMAL)
             .usage(usage)
             .initial_layout(vk::ImageLayout::UNDEFINED);
-        let bytes = u64::from(desc.width) * u64::from(desc.height) * desc.format.texel_bytes() * u64::from(desc.layers);
+        let bytes = u64::from(desc.width)
+            * u64::from(desc.height)
+            * desc.format.texel_bytes()
+            * u64::from(desc.layers);
         // SAFETY: a live device; the description was checked against its limits.
         let handle = gpu
             .call("vkCreateImage", desc.name, |device| unsafe { device.create_image(&info, None) })
@@ -236,8 +245,9 @@ impl RawImage {
                 layer_count: desc.layers,
             });
         // SAFETY: a live image, bound to memory.
-        image.view =
-            gpu.call("vkCreateImageView", desc.name, |device| unsafe { device.create_image_view(&info, None) })?;
+        image.view = gpu.call("vkCreateImageView", desc.name, |device| unsafe {
+            device.create_image_view(&info, None)
+        })?;
         gpu.name(image.view, desc.name);
         Ok(image)
     }
@@ -275,11 +285,15 @@ fn usage_flags(desc: &ImageDesc<'_>) -> vk::ImageUsageFlags {
         vk::ImageUsageFlags::COLOR_ATTACHMENT
     };
     match (desc.usage, desc.samples) {
-        (ImageUse::Target, 1) => attachment | vk::ImageUsageFlags::TRANSFER_SRC | vk::ImageUsageFlags::SAMPLED,
+        (ImageUse::Target, 1) => {
+            attachment | vk::ImageUsageFlags::TRANSFER_SRC | vk::ImageUsageFlags::SAMPLED
+        }
         (ImageUse::Target, _) => attachment,
         // Blits read the level above.
         (ImageUse::Texture, _) => {
-            vk::ImageUsageFlags::SAMPLED | vk::ImageUsageFlags::TRANSFER_DST | vk::ImageUsageFlags::TRANSFER_SRC
+            vk::ImageUsageFlags::SAMPLED
+                | vk::ImageUsageFlags::TRANSFER_DST
+                | vk::ImageUsageFlags::TRANSFER_SRC
         }
     }
 }
@@ -290,7 +304,8 @@ fn check_limits(
     usage: vk::ImageUsageFlags,
     samples: vk::SampleCountFlags,
 ) -> Result<()> {
-    let refuse = |problem: String| Err(Error::DeviceMemory { object: format!("image {}", desc.name), problem });
+    let refuse =
+        |problem: String| Err(Error::DeviceMemory { object: format!("image {}", desc.name), problem });
     let limits = match gpu.image_limits(desc.format.vk(), usage) {
         Ok(limits) => limits,
         Err(_) => return refuse(format!("the device does not support {:?} for this use", desc.format)),

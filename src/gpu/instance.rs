@@ -51,8 +51,9 @@ impl Instance {
     /// An instance for Vulkan 1.3, with core and synchronization validation if `validation` asks for them.
     pub(super) fn new(validation: bool) -> Result<Self> {
         // SAFETY: libvulkan is a well-behaved library, whose initialisers have no requirements.
-        let entry = unsafe { ash::Entry::load() }
-            .map_err(|error| Error::NoDevice(format!("no Vulkan loader ({error}); install one with `{INSTALL_DRIVER}`")))?;
+        let entry = unsafe { ash::Entry::load() }.map_err(|error| {
+            Error::NoDevice(format!("no Vulkan loader ({error}); install one with `{INSTALL_DRIVER}`"))
+        })?;
         let failed = |call: &str| {
             let call = call.to_owned();
             move |code| Error::Vulkan { call, code }
@@ -79,7 +80,9 @@ impl Instance {
         let extensions = unsafe { entry.enumerate_instance_extension_properties(None) }
             .map_err(failed("vkEnumerateInstanceExtensionProperties"))?;
         let debug_utils = validation
-            || extensions.iter().any(|extension| extension.extension_name_as_c_str() == Ok(ext::debug_utils::NAME));
+            || extensions
+                .iter()
+                .any(|extension| extension.extension_name_as_c_str() == Ok(ext::debug_utils::NAME));
 
         let mut names = Vec::new();
         if debug_utils {
@@ -90,8 +93,9 @@ impl Instance {
             names.push(ext::validation_features::NAME.as_ptr());
             layer_names.push(VALIDATION_LAYER.as_ptr());
         }
-        let application =
-            vk::ApplicationInfo::default().application_name(c"vertex-tracing").api_version(vk::API_VERSION_1_3);
+        let application = vk::ApplicationInfo::default()
+            .application_name(c"vertex-tracing")
+            .api_version(vk::API_VERSION_1_3);
         let synchronization = [vk::ValidationFeatureEnableEXT::SYNCHRONIZATION_VALIDATION];
         let mut features = vk::ValidationFeaturesEXT::default().enabled_validation_features(&synchronization);
         let mut chained = messenger_info(&messages);

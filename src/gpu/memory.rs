@@ -58,7 +58,9 @@ pub enum ReadbackChoice {
 impl ReadbackChoice {
     /// Memory type index among those that `bits` allows, and the kind to treat it as.
     pub(super) fn resolve(self, gpu: &Gpu, bits: u32, object: &str) -> Result<(u32, ReadbackMemory)> {
-        let exact = |kind: ReadbackMemory| gpu.memory_type(bits, |flags| kind.suits(flags)).map(|found| (found.0, kind));
+        let exact = |kind: ReadbackMemory| {
+            gpu.memory_type(bits, |flags| kind.suits(flags)).map(|found| (found.0, kind))
+        };
         let visible = || gpu.memory_type(bits, |flags| flags.contains(vk::MemoryPropertyFlags::HOST_VISIBLE));
         let found = match self {
             Self::Best => ReadbackMemory::ALL.into_iter().find_map(exact),

@@ -6,21 +6,21 @@
 
 #![allow(unsafe_code)]
 
-pub mod access;
-pub mod buffer;
-pub mod choice;
-pub mod commands;
-pub mod descriptor;
-pub mod device;
-pub mod draw;
-pub mod image;
+mod access;
+mod buffer;
+mod choice;
+mod commands;
+mod descriptor;
+mod device;
+mod draw;
+mod image;
 mod instance;
-pub mod memory;
-pub mod pipeline;
-pub mod sampler;
-pub mod staging;
-pub mod texture;
-pub mod timestamps;
+mod memory;
+mod pipeline;
+mod sampler;
+mod staging;
+mod texture;
+mod timestamps;
 
 pub use access::Access;
 pub use buffer::{DeviceBuffer, ReadbackBuffer, UploadBuffer};
@@ -29,12 +29,12 @@ pub use commands::{Commands, Recording, Submission};
 pub use descriptor::{Binding, BindingKind, DescriptorSet, Resource, SetLayout};
 pub use device::{Fault, Gpu, Options};
 pub use draw::{ColorTarget, DepthTarget, Draws, Targets};
-pub use image::{Format, Image, ImageDesc, ImageUse};
+pub use image::{Format, Image, ImageDesc, ImageUse, full_mips};
 pub use instance::Messages;
 pub use memory::{ReadbackChoice, ReadbackMemory};
 pub use pipeline::{
-    Blend, ComputePipeline, Cull, DepthMode, GraphicsDesc, GraphicsPipeline, Shader, StencilMode, VertexBuffer,
-    VertexFormat,
+    Blend, ComputePipeline, Cull, DepthMode, GraphicsDesc, GraphicsPipeline, Shader, StencilMode,
+    VertexBuffer, VertexFormat,
 };
 pub use sampler::{AddressMode, SamplerDesc, TexelFilter};
 pub use staging::{ReadbackRing, Uploads};

@@ -77,6 +77,8 @@ pub enum Blend {
     Replace,
     /// It is added to it, alpha too.
     Add,
+    /// It covers it by its alpha.
+    Over,
 }
 
 /// Depth test against a reversed-Z target, in which nearer is greater.
@@ -208,8 +210,8 @@ impl GraphicsPipeline {
         let vertex_input = vk::PipelineVertexInputStateCreateInfo::default()
             .vertex_binding_descriptions(&bindings)
             .vertex_attribute_descriptions(&attributes);
-        let assembly =
-            vk::PipelineInputAssemblyStateCreateInfo::default().topology(vk::PrimitiveTopology::TRIANGLE_LIST);
+        let assembly = vk::PipelineInputAssemblyStateCreateInfo::default()
+            .topology(vk::PrimitiveTopology::TRIANGLE_LIST);
         let viewport = vk::PipelineViewportStateCreateInfo::default().viewport_count(1).scissor_count(1);
         let rasterization = vk::PipelineRasterizationStateCreateInfo::default()
             .polygon_mode(vk::PolygonMode::FILL)
@@ -264,7 +266,13 @@ impl ComputePipeline {
     ///
     /// # Errors
     /// What the driver says.
-    pub fn new(gpu: &Arc<Gpu>, name: &str, shader: Shader<'_>, sets: &[&SetLayout], push_bytes: u32) -> Result<Self> {
+    pub fn new(
+        gpu: &Arc<Gpu>,
+        name: &str,
+        shader: Shader<'_>,
+        sets: &[&SetLayout],
+        push_bytes: u32,
+    ) -> Result<Self> {
         let mut raw = RawPipeline::new(gpu, name, sets, push_bytes, vk::ShaderStageFlags::COMPUTE)?;
         let stage = Stage::new(gpu, name, &shader)?;
         let constants = stage.constants();
@@ -273,9 +281,7 @@ impl ComputePipeline {
             .layout(raw.layout)];
         // SAFETY: everything that the description points to lives until after the call.
         raw.handle = gpu.call("vkCreateComputePipelines", name, |device| unsafe {
-            device
-                .create_compute_pipelines(vk::PipelineCache::null(), &infos, None)
-                .map_err(|(_, code)| code)
+            device.create_compute_pipelines(vk::PipelineCache::null(), &infos, None).map_err(|(_, code)| code)
         })?[0];
         gpu.name(raw.handle, name);
         Ok(Self { raw: Arc::new(raw) })
@@ -341,14 +347,24 @@ impl<'a> Stage<'a> {
         let code = ash::util::read_spv(&mut Cursor::new(shader.spirv)).map_err(Error::io(name))?;
         let info = vk::ShaderModuleCreateInfo::default().code(&code);
         // SAFETY: valid SPIR-V, compiled at build time.
-        let module = gpu
-            .call("vkCreateShaderModule", name, |device| unsafe { device.create_shader_module(&info, None) })?;
+        let module = gpu.call("vkCreateShaderModule", name, |device| unsafe {
+            device.create_shader_module(&info, None)
+        })?;
         gpu.name(module, name);
         let entries = (0..)
             .zip(shader.constants)
-            .map(|(index, &(id, _))| vk::SpecializationMapEntry { constant_id: id, offset: index * 4, size: 4 })
+            .map(|(index, &(id, _))| vk::SpecializationMapEntry {
+                constant_id: id,
+                offset: index * 4,
+                size: 4,
+            })
             .collect();
-        Ok(Self { gpu, module, entries, values: shader.constants.iter().map(|constant| constant.1).collect() })
+        Ok(Self {
+            gpu,
+            module,
+            entries,
+            values: shader.constants.iter().map(|constant| constant.1).collect(),
+        })
     }
 
     fn constants(&self) -> vk::SpecializationInfo<'_> {
@@ -398,11 +414,15 @@ fn vertex_layout(
 }
 
 fn blend(blend: Blend) -> vk::PipelineColorBlendAttachmentState {
+    let (source, target) = match blend {
+        Blend::Replace | Blend::Add => (vk::BlendFactor::ONE, vk::BlendFactor::ONE),
+        Blend::Over => (vk::BlendFactor::SRC_ALPHA, vk::BlendFactor::ONE_MINUS_SRC_ALPHA),
+    };
     vk::PipelineColorBlendAttachmentState::default()
         .color_write_mask(vk::ColorComponentFlags::RGBA)
-        .blend_enable(blend == Blend::Add)
-        .src_color_blend_factor(vk::BlendFactor::ONE)
-        .dst_color_blend_factor(vk::BlendFactor::ONE)
+        .blend_enable(blend != Blend::Replace)
+        .src_color_blend_factor(source)
+        .dst_color_blend_factor(target)
         .color_blend_op(vk::BlendOp::ADD)
         .src_alpha_blend_factor(vk::BlendFactor::ONE)
         .dst_alpha_blend_factor(vk::BlendFactor::ONE)

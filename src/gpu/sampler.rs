@@ -75,9 +75,12 @@ impl Gpu {
             .mipmap_mode(mip)
             .max_lod(max_lod)
             .anisotropy_enable(anisotropic)
-            .max_anisotropy(f32::from(desc.anisotropy).clamp(1.0, self.limits.max_sampler_anisotropy.max(1.0)));
+            .max_anisotropy(
+                f32::from(desc.anisotropy).clamp(1.0, self.limits.max_sampler_anisotropy.max(1.0)),
+            );
         // SAFETY: a live device; `info` is complete.
-        let sampler = self.call("vkCreateSampler", "sampler", |device| unsafe { device.create_sampler(&info, None) })?;
+        let sampler =
+            self.call("vkCreateSampler", "sampler", |device| unsafe { device.create_sampler(&info, None) })?;
         self.name(sampler, &format!("{desc:?}"));
         samplers.insert(desc, sampler);
         Ok(sampler)

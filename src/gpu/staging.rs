@@ -75,11 +75,16 @@ impl Uploads {
             }
             let count = (bytes.len() - done).min((self.staging.size() - self.used) as usize);
             let from = self.stage(&bytes[done..done + count])?;
-            let part = vk::BufferCopy { src_offset: from, dst_offset: offset + done as u64, size: count as u64 };
+            let part =
+                vk::BufferCopy { src_offset: from, dst_offset: offset + done as u64, size: count as u64 };
             self.pending.push(Upload::Buffer { target: target.raw.clone(), part });
             done += count;
         }
         Ok(())
+    }
+
+    pub(super) fn gpu(&self) -> &Arc<Gpu> {
+        &self.gpu
     }
 
     /// Writes level 0 of one layer of a texture.
@@ -132,7 +137,11 @@ impl Uploads {
     }
 }
 
-fn record<'a>(staging: &'a UploadBuffer, uploads: impl Iterator<Item = Upload>, recording: &mut Recording<'a>) {
+fn record<'a>(
+    staging: &'a UploadBuffer,
+    uploads: impl Iterator<Item = Upload>,
+    recording: &mut Recording<'a>,
+) {
     let mut buffers: Vec<Arc<RawBuffer>> = Vec::new();
     for upload in uploads {
         match upload {
@@ -163,7 +172,8 @@ impl ReadbackRing {
     /// # Errors
     /// No such memory, or none left.
     pub fn new(gpu: &Arc<Gpu>, name: &str, count: usize, size: u64, choice: ReadbackChoice) -> Result<Self> {
-        let buffers = (0..count.max(1)).map(|index| ReadbackBuffer::new(gpu, &format!("{name} {index}"), size, choice));
+        let buffers =
+            (0..count.max(1)).map(|index| ReadbackBuffer::new(gpu, &format!("{name} {index}"), size, choice));
         Ok(Self { buffers: buffers.collect::<Result<_>>()?, next: 0 })
     }
 

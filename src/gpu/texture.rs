@@ -1,8 +1,6 @@
 //! Array textures with mip levels, uploaded from slices.
 
-use std::sync::Arc;
-
-use super::{Format, Gpu, Image, ImageDesc, Uploads};
+use super::{Format, Image, ImageDesc, Uploads};
 use crate::error::Result;
 
 impl Uploads {
@@ -17,7 +15,6 @@ impl Uploads {
     /// If a layer has the wrong length.
     pub fn texture(
         &mut self,
-        gpu: &Arc<Gpu>,
         name: &str,
         format: Format,
         size: (u32, u32),
@@ -25,7 +22,7 @@ impl Uploads {
         mipped: bool,
     ) -> Result<Image> {
         let desc = ImageDesc::texture(name, format, size, layers.len() as u32, mipped);
-        let image = Image::new(gpu, &desc)?;
+        let image = Image::new(self.gpu(), &desc)?;
         for (layer, texels) in (0..).zip(layers) {
             assert_eq!(texels.len() as u64, image.bytes(), "{name}: texels of layer {layer}");
             self.write_layer(&image, layer, texels)?;

@@ -30,10 +30,12 @@ impl Timestamps {
         let capacity = if gpu.timestamp_bits > 0 { capacity } else { 0 };
         let mut pool = vk::QueryPool::null();
         if capacity > 0 {
-            let info =
-                vk::QueryPoolCreateInfo::default().query_type(vk::QueryType::TIMESTAMP).query_count(2 * capacity);
+            let info = vk::QueryPoolCreateInfo::default()
+                .query_type(vk::QueryType::TIMESTAMP)
+                .query_count(2 * capacity);
             // SAFETY: a live device; `info` is complete.
-            pool = gpu.call("vkCreateQueryPool", name, |device| unsafe { device.create_query_pool(&info, None) })?;
+            pool = gpu
+                .call("vkCreateQueryPool", name, |device| unsafe { device.create_query_pool(&info, None) })?;
             gpu.name(pool, name);
         }
         Ok(Self { gpu: gpu.clone(), pool, capacity, names: Vec::new() })

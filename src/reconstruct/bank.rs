@@ -71,12 +71,12 @@ impl Bank {
             bytes += slices.iter().map(|layer| layer.len() as u64).sum::<u64>();
             let format = if kind.srgb { Format::Rgba8Srgb } else { Format::Rgba8 };
             let mipped = kind.sampler.mip.is_some();
-            let image = uploads.texture(gpu, "texture bank", format, kind.size, &slices, mipped)?;
+            let image = uploads.texture("texture bank", format, kind.size, &slices, mipped)?;
             arrays.push((image, kind.sampler));
         }
         let nearest = sampler(&Sampler::default(), FilterMode::File);
         if arrays.is_empty() {
-            let white = uploads.texture(gpu, "no texture", Format::Rgba8, (1, 1), &[&[255; 4]], false)?;
+            let white = uploads.texture("no texture", Format::Rgba8, (1, 1), &[&[255; 4]], false)?;
             arrays.push((white, nearest));
         }
         let environment = match &scene.background {
@@ -203,7 +203,7 @@ fn panorama_image(
     let texels: Vec<[f32; 4]> = panorama.radiance.iter().map(|radiance| radiance.extend(1.0).into()).collect();
     let size = (panorama.width, panorama.height);
     let bytes = bytemuck::cast_slice(&texels);
-    let image = uploads.texture(gpu, &panorama.name, Format::Rgba32f, size, &[bytes], false)?;
+    let image = uploads.texture(&panorama.name, Format::Rgba32f, size, &[bytes], false)?;
     let sampler = SamplerDesc {
         u: AddressMode::Repeat,
         v: AddressMode::Clamp,

@@ -45,9 +45,11 @@ pub const BUCKETS: [u32; 6] = [0, 1, 2, 4, 8, 32];
 pub struct Leaves {
     /// Vertices of the refined mesh.
     pub vertices: Vec<GpuVertex>,
-    /// Leaves, by bucket.
+    /// Leaves: those of shadow receivers, then those of specular objects by bucket.
     pub leaves: Vec<GpuLeaf>,
-    /// Number of leaves of each of [`BUCKETS`].
+    /// Number of leaves of shadow receivers.
+    pub receivers: u32,
+    /// Number of specular leaves of each of [`BUCKETS`].
     pub buckets: [u32; BUCKETS.len()],
     /// Nodes and traced pixels.
     pub nodes: Vec<Texel>,
@@ -126,16 +128,17 @@ pub fn assemble(
             };
             let mut nodes = LeafNodes { defined: true, ..LeafNodes::default() };
             if object.vt {
-                nodes = matcher.leaf(corners.map(|v| Corner {
+                // What no traced pixel covers of a traced leaf is Gouraud-shaded: no nodes.
+                let room = if traced_faces.contains(&face) { 0 } else { matcher.room };
+                let corners = corners.map(|v| Corner {
                     sample: samples.get(v),
                     distance: (!view.orthographic).then(|| view.distance_to(mesh.position(v))),
-                }));
+                });
+                nodes = matcher.leaf(corners, room);
                 leaf.comb = nodes.comb;
             }
             if traced_faces.contains(&face) {
                 leaf.flags |= LEAF_TRACED;
-                nodes.texels.clear();
-                nodes.count = 0;
             }
             (leaf, nodes)
         })
@@ -143,6 +146,7 @@ pub fn assemble(
 
     let mut result = Leaves { vertices, ..Leaves::default() };
     let blocks = traced_blocks(view, mesh, traced, &traced_faces);
+    let mut receivers: Vec<GpuLeaf> = Vec::new();
     let mut by_bucket: [Vec<GpuLeaf>; BUCKETS.len()] = Default::default();
     for (&face, (mut leaf, nodes)) in faces.iter().zip(built) {
         let bucket = BUCKETS.iter().position(|&room| nodes.count <= room).unwrap_or(BUCKETS.len() - 1);
@@ -158,15 +162,19 @@ pub fn assemble(
             let padding = BUCKETS[bucket] - nodes.count;
             result.nodes.extend(std::iter::repeat_n([NODE_NONE; 4], padding as usize));
         }
-        by_bucket[bucket].push(leaf);
-        if leaf.flags & LEAF_SPECULAR != 0 {
+        if leaf.flags & LEAF_SPECULAR == 0 {
+            receivers.push(leaf);
+        } else {
+            by_bucket[bucket].push(leaf);
             result.defined += u32::from(nodes.defined);
             result.undefined += u32::from(!nodes.defined);
         }
         result.overflow += u64::from(nodes.overflow);
     }
     result.buckets = std::array::from_fn(|bucket| by_bucket[bucket].len() as u32);
-    result.leaves = by_bucket.concat();
+    result.receivers = receivers.len() as u32;
+    result.leaves = receivers;
+    result.leaves.extend(by_bucket.into_iter().flatten());
     result
 }
 

@@ -53,8 +53,8 @@ struct Shared<'n> {
 }
 
 impl Matcher<'_> {
-    /// Matches the paths of a leaf's corners.
-    pub fn leaf(&self, corners: [Corner; 3]) -> LeafNodes {
+    /// Matches the paths of a leaf's corners; the `room` heaviest become nodes.
+    pub fn leaf(&self, corners: [Corner; 3], room: usize) -> LeafNodes {
         let mut leaf = LeafNodes { defined: true, ..LeafNodes::default() };
         let mut shared: Vec<Shared> = Vec::new();
         for (index, corner) in corners.iter().enumerate() {
@@ -79,7 +79,7 @@ impl Matcher<'_> {
         }
         shared.sort_by(|a, b| b.weight.total_cmp(&a.weight).then(a.nodes[0].path.cmp(&b.nodes[0].path)));
         for (rank, path) in shared.iter().enumerate() {
-            if rank < self.room {
+            if rank < room {
                 self.encode(&mut leaf, &corners, path.nodes);
                 leaf.count += 1;
             } else {

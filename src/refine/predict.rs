@@ -208,6 +208,7 @@ impl Predictor<'_> {
             let [a, b, c] = [a, b, c].map(|primary| primary.local.textured + primary.local.added);
             let jump = mean_square(a - b).max(mean_square(b - c)).max(mean_square(c - a));
             deviation.color += UNMATCHED * jump;
+            deviation.shift += 0.25 * size * size * jump.sqrt() / total;
         }
         deviation
     }

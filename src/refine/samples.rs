@@ -1,6 +1,7 @@
 //! The samples of all vertices of the refined mesh, traced in parallel and kept in vertex order.
 
 use std::ops::Range;
+use std::time::{Duration, Instant};
 
 use rayon::prelude::*;
 
@@ -21,6 +22,8 @@ pub struct Samples {
     primary: Vec<Primary>,
     /// Rays traced for them.
     pub rays: Rays,
+    /// Time spent tracing.
+    pub time: Duration,
 }
 
 /// One vertex's sample.
@@ -59,6 +62,7 @@ impl Samples {
     /// Traces all vertices of `mesh` that were not traced before. The result does not depend on the number
     /// of threads.
     pub fn extend(&mut self, context: &Context, mesh: &Mesh) {
+        let started = Instant::now();
         let from = self.len();
         let traced: Vec<_> = mesh.vertices[from..]
             .par_chunks(CHUNK)
@@ -94,5 +98,6 @@ impl Samples {
             self.nodes.extend(nodes);
             self.rays += rays;
         }
+        self.time += started.elapsed();
     }
 }

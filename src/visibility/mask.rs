@@ -1,13 +1,11 @@
 //! Alpha of faces with glTF's alpha mode MASK, for the ID buffer.
 
-use std::sync::Arc;
-
 use bytemuck::{Pod, Zeroable};
 use glam::Vec2;
 
 use crate::{
     error::Result,
-    gpu::{AddressMode, DescriptorSet, Format, Gpu, Resource, SamplerDesc, SetLayout, TexelFilter, Uploads},
+    gpu::{AddressMode, DescriptorSet, Format, Resource, SamplerDesc, SetLayout, TexelFilter, Uploads},
     scene::{AlphaMode, Filter, Sampler, Scene, Wrap},
 };
 
@@ -43,7 +41,7 @@ pub fn vertices(scene: &Scene) -> Vec<MaskVertex> {
 ///
 /// # Errors
 /// No memory left, or a texture larger than the device allows.
-pub fn set(gpu: &Arc<Gpu>, uploads: &mut Uploads, scene: &Scene, layout: &SetLayout, material: u32) -> Result<DescriptorSet> {
+pub fn set(uploads: &mut Uploads, scene: &Scene, layout: &SetLayout, material: u32) -> Result<DescriptorSet> {
     let material = &scene.materials[material as usize];
     let name = format!("alpha of {}", material.name);
     let (alpha, size, sampler) = match material.base_color_texture {
@@ -55,7 +53,7 @@ pub fn set(gpu: &Arc<Gpu>, uploads: &mut Uploads, scene: &Scene, layout: &SetLay
             (alpha, (image.width, image.height), texture.sampler)
         }
     };
-    let image = uploads.texture(gpu, &name, Format::R8, size, &[&alpha], false)?;
+    let image = uploads.texture(&name, Format::R8, size, &[&alpha], false)?;
     layout.set(&name, &[("alpha_map", Resource::Textures(&[(&image, sampler_desc(sampler))]))])
 }
 

@@ -1,6 +1,9 @@
 //! Scans the ID buffer: pixels of each face, and the faces that have any.
 
-use std::sync::atomic::{AtomicU32, Ordering};
+use std::{
+    ops::Range,
+    sync::atomic::{AtomicU32, Ordering},
+};
 
 use rayon::prelude::*;
 
@@ -22,6 +25,32 @@ pub struct VisibleFaces {
     pub vt_pixels: u64,
     /// Pixels on shadow receivers.
     pub shadow_pixels: u64,
+}
+
+impl VisibleFaces {
+    /// Sets everything from `counts`, the pixels of each face; `vt` and `shadow` are the faces of the two classes.
+    pub fn set_counts(&mut self, counts: &[u32], vt: &[Range<u32>], shadow: &[Range<u32>]) {
+        let pixels = |faces: &[Range<u32>]| {
+            let counts = faces.iter().flat_map(|faces| &counts[faces.start as usize..faces.end as usize]);
+            counts.map(|&count| u64::from(count)).sum()
+        };
+        (self.vt_pixels, self.shadow_pixels) = (pixels(vt), pixels(shadow));
+        self.pixels_per_face.clear();
+        self.pixels_per_face.extend_from_slice(counts);
+        self.list_visible();
+    }
+
+    fn list_visible(&mut self) {
+        self.visible.clear();
+        let counted = (0..).zip(&self.pixels_per_face).filter(|(_, count)| **count > 0);
+        self.visible.extend(counted.map(|(face, _)| face));
+    }
+}
+
+/// How many of the `visible` faces, ascending, lie in these ranges.
+pub fn visible_in(visible: &[u32], ranges: &[Range<u32>]) -> usize {
+    let before = |end: u32| visible.partition_point(|&face| face < end);
+    ranges.iter().map(|range| before(range.end) - before(range.start)).sum()
 }
 
 /// The ID buffer, row by row from the top; borrowed from where it was read back to.
@@ -90,8 +119,7 @@ impl Scanner {
             .with_min_len(PIXELS_PER_TASK)
             .map(|count| std::mem::take(count.get_mut()))
             .collect_into_vec(&mut result.pixels_per_face);
-        result.visible.clear();
-        result.visible.extend((0..).zip(&result.pixels_per_face).filter(|(_, count)| **count > 0).map(|(face, _)| face));
+        result.list_visible();
     }
 }
 
@@ -141,7 +169,8 @@ mod tests {
                 _ => result.shadow_pixels += 1,
             }
         }
-        result.visible = (0..faces as u32).filter(|&face| result.pixels_per_face[face as usize] > 0).collect();
+        result.visible =
+            (0..faces as u32).filter(|&face| result.pixels_per_face[face as usize] > 0).collect();
         result
     }
 

@@ -4,7 +4,7 @@ use std::path::Path;
 
 use glam::{Affine2, DVec3, Vec2, Vec3, Vec4};
 
-use super::shape::Mesh;
+use super::Mesh;
 use crate::error::{Error, Result};
 use crate::scene::classify::{VtRules, classify};
 use crate::scene::{

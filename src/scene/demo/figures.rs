@@ -7,9 +7,6 @@ use super::shape::{plane, sphere as ball};
 use super::{SceneBuilder, chrome, glass, matte, texture, vessel};
 use crate::scene::{Camera, Material, Volume};
 
-/// Angle in radians by which [`mirror`] leans forward to lose the wall from sight.
-pub const TILT: f32 = 0.30;
-
 const ROOM: Room = Room { low: Vec3::new(-4.0, 0.0, -3.0), high: Vec3::new(4.0, 5.0, 5.0) };
 /// World units that one chessboard texture (eight squares) covers.
 const BOARD: f32 = 3.2;
@@ -52,22 +49,35 @@ pub fn polished_table(mut scene: SceneBuilder) -> SceneBuilder {
     scene
 }
 
-/// A mirror along the left side of a long room, leaning forward by `tilt` radians.
-pub fn mirror(mut scene: SceneBuilder, tilt: f32) -> SceneBuilder {
-    chess_room(&mut scene, Room { low: Vec3::new(-3.0, 0.0, -9.0), high: Vec3::new(4.0, 5.0, 6.0) });
+/// A mirror that leans forward, seen from high above its lower edge: all that it shows is the floor.
+pub fn mirror(mut scene: SceneBuilder) -> SceneBuilder {
+    mirror_hall(&mut scene, 1.2, 0.12);
+    scene.camera(Camera::look_at(Vec3::new(0.2, 2.6, 3.9), Vec3::new(-1.0, 0.82, 0.8), 38_f32.to_radians()));
+    scene
+}
+
+/// A mirror high and upright enough to show the wall above the floor.
+pub fn mirror_and_wall(mut scene: SceneBuilder) -> SceneBuilder {
+    mirror_hall(&mut scene, 2.0, 0.0);
+    scene.camera(Camera::look_at(Vec3::new(0.4, 2.3, 4.3), Vec3::new(-1.0, 1.05, 0.7), 40_f32.to_radians()));
+    scene
+}
+
+/// A long mirror of two faces, `height` units high and leaning forward by `lean` radians, along the left
+/// side of a hall, so that the camera sees it at a grazing angle.
+fn mirror_hall(scene: &mut SceneBuilder, height: f32, lean: f32) {
+    chess_room(scene, Room { low: Vec3::new(-4.0, 0.0, -7.5), high: Vec3::new(4.0, 5.0, 5.0) });
     let silver = scene.material(chrome("silver", Vec3::splat(0.9)));
     let oak = scene.material(matte("frame").colored(Vec3::new(0.09, 0.05, 0.03)));
-    let (width, height) = (4.0, 1.15);
+    let width = 4.0;
     // Built in the plane z = 0, then turned to face +x and leant forward about its lower edge.
-    let place = Affine3A::from_translation(Vec3::new(-1.3, 0.14, 2.2))
-        * Affine3A::from_rotation_z(-tilt)
+    let place = Affine3A::from_translation(Vec3::new(-1.3, 0.14, 2.0))
+        * Affine3A::from_rotation_z(-lean)
         * Affine3A::from_rotation_y(std::f32::consts::FRAC_PI_2);
     scene
         .mesh("mirror", plane(Vec3::ZERO, Vec3::X * width, Vec3::Y * height, 1.0).transformed(place), silver)
         .mesh("frame", vessel::frame(width, height, 0.07, 0.04).transformed(place), oak);
-    light(&mut scene);
-    scene.camera(Camera::look_at(Vec3::new(0.2, 2.1, 4.6), Vec3::new(-0.9, 0.55, 0.6), 38_f32.to_radians()));
-    scene
+    light(scene);
 }
 
 /// Paper Fig. 1: coarse enough to watch it being refined.
@@ -85,14 +95,14 @@ pub fn glass_bowl(mut scene: SceneBuilder) -> SceneBuilder {
     chess_room(&mut scene, ROOM);
     let clear = scene.material(solid_glass(Vec3::new(0.95, 0.98, 0.97)));
     let green =
-        scene.material(Material { name: "green glass".into(), ..solid_glass(Vec3::new(0.45, 0.85, 0.65)) });
-    scene.mesh("glass sphere", ball(Vec3::new(-0.72, 0.525, -0.1), 0.52, 3), clear).mesh(
+        scene.material(Material { name: "green glass".into(), ..solid_glass(Vec3::new(0.72, 0.93, 0.84)) });
+    scene.mesh("glass sphere", ball(Vec3::new(-0.80, 0.525, -0.1), 0.52, 3), clear).mesh(
         "glass bowl",
-        vessel::bowl().translated(Vec3::new(0.62, 0.0, 0.15)),
+        vessel::bowl().translated(Vec3::new(0.70, 0.0, 0.0)),
         green,
     );
     light(&mut scene);
-    scene.camera(Camera::look_at(Vec3::new(0.0, 1.9, 3.3), Vec3::new(0.0, 0.38, 0.0), 36_f32.to_radians()));
+    scene.camera(Camera::look_at(Vec3::new(0.06, 1.9, 3.5), Vec3::new(0.06, 0.34, 0.0), 36_f32.to_radians()));
     scene
 }
 

@@ -1,7 +1,7 @@
 //! Demo scenes made in code, after the paper's figures, and the parts to build others from.
 //!
-//! [`Demo`] names the scenes; each is built by a [`SceneBuilder`] from the meshes of [`shape`], the images
-//! of [`texture`] and the furniture of [`set`]. [`stress`] has scenes whose size is an argument. A
+//! [`Demo`] names the scenes; each is built by a [`SceneBuilder`] from the meshes of [`shape`], [`sweep`]
+//! and [`vessel`], the images of [`texture`] and the furniture of [`set`]. [`stress`] has scenes whose size is an argument. A
 //! [`Scene`] of any origin becomes a binary glTF file with [`glb::encode`]: a demo's file and the demo
 //! itself are therefore the same scene, and a test loads each file back to prove it.
 //!
@@ -14,13 +14,16 @@
 mod builder;
 mod figures;
 pub mod glb;
+mod mesh;
 pub mod set;
 pub mod shape;
 pub mod stress;
+pub mod sweep;
 pub mod texture;
-mod vessel;
+pub mod vessel;
 
 pub use builder::{MaterialId, SceneBuilder, chrome, glass, matte};
+pub use mesh::Mesh;
 
 use super::Scene;
 
@@ -35,7 +38,7 @@ pub enum Demo {
     PolishedTable,
     /// A planar mirror, seen at a grazing angle, that shows nothing but the chessboard.
     Mirror,
-    /// The same mirror upright, so that it shows the border between the chessboard and the wall.
+    /// A higher mirror, upright, that shows the border between the chessboard and the wall.
     MirrorAndWall,
     /// Fig. 1: a mirror sphere over a chessboard.
     Sphere,
@@ -80,8 +83,8 @@ impl Demo {
             Self::Cup => figures::cup(scene),
             Self::CupAndGlass => figures::cup_and_glass(scene),
             Self::PolishedTable => figures::polished_table(scene),
-            Self::Mirror => figures::mirror(scene, figures::TILT),
-            Self::MirrorAndWall => figures::mirror(scene, 0.0),
+            Self::Mirror => figures::mirror(scene),
+            Self::MirrorAndWall => figures::mirror_and_wall(scene),
             Self::Sphere => figures::sphere(scene),
             Self::GlassBowl => figures::glass_bowl(scene),
         };

@@ -2,8 +2,8 @@
 
 use glam::Vec3;
 
-use super::shape::{Mesh, plane};
-use super::{MaterialId, SceneBuilder, matte};
+use super::shape::plane;
+use super::{MaterialId, Mesh, SceneBuilder, matte};
 use crate::scene::Material;
 
 /// A closed box to stage a scene in; all faces look inward, so that no ray leaves the scene.
@@ -20,12 +20,13 @@ impl Room {
     pub fn floor(self, tile: f32) -> Mesh {
         let size = self.high - self.low;
         plane(Vec3::new(self.low.x, self.low.y, self.high.z), Vec3::X * size.x, Vec3::NEG_Z * size.z, tile)
+            .snapped(self.low, self.high)
     }
 
     /// The wall that the camera sees.
     pub fn back(self, tile: f32) -> Mesh {
         let size = self.high - self.low;
-        plane(self.low, Vec3::X * size.x, Vec3::Y * size.y, tile)
+        plane(self.low, Vec3::X * size.x, Vec3::Y * size.y, tile).snapped(self.low, self.high)
     }
 
     /// The left, right and front walls.
@@ -36,12 +37,14 @@ impl Room {
         plane(Vec3::new(low.x, low.y, high.z), Vec3::NEG_Z * size.z, up, tile)
             .merged(&plane(Vec3::new(high.x, low.y, low.z), Vec3::Z * size.z, up, tile))
             .merged(&plane(Vec3::new(high.x, low.y, high.z), Vec3::NEG_X * size.x, up, tile))
+            .snapped(low, high)
     }
 
     /// The ceiling.
     pub fn ceiling(self) -> Mesh {
         let size = self.high - self.low;
         plane(Vec3::new(self.low.x, self.high.y, self.low.z), Vec3::X * size.x, Vec3::Z * size.z, 1.0)
+            .snapped(self.low, self.high)
     }
 
     /// Puts floor, walls and ceiling into `scene`; a texture covers `floor.1`, `back.1` or `sides.1` units.

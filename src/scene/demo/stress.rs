@@ -67,5 +67,5 @@ fn furnish(scene: &mut SceneBuilder, room: Room) {
     let walls = scene.material(matte("panels").textured(panels));
     room.furnish(scene, (floor, 3.2), (walls, 3.0), (walls, 3.0));
     let light = Vec3::new(0.3, room.high.y - 0.5, room.high.z * 0.5);
-    scene.point_light(light, Vec3::splat(12.0 + 4.0 * light.length_squared()));
+    scene.point_light(light, Vec3::splat(8.0 + 2.0 * light.length_squared()));
 }

@@ -59,7 +59,7 @@ pub fn wood(edge: u32) -> Image {
         let lines = Vec2::new(uv.x, (uv.y + hash(board, 22)).fract());
         let warp = noise_xy(lines, UVec2::new(10, 3), 23) + 0.35 * noise_xy(lines, UVec2::new(20, 8), 24);
         let ring =
-            ((across * 3.0 + warp * 2.2 + hash(board, 25) * 7.0) * std::f32::consts::TAU).sin() * 0.5 + 0.5;
+            ((across * 3.0 + warp * 1.6 + hash(board, 25) * 7.0) * std::f32::consts::TAU).sin() * 0.5 + 0.5;
         let fibre = noise_xy(lines, UVec2::new(128, 6), 26);
         let color =
             Vec3::new(0.72, 0.50, 0.31).lerp(Vec3::new(0.55, 0.35, 0.20), 0.7 * ring * ring + 0.3 * fibre);
@@ -135,4 +135,55 @@ fn noise_xy(uv: Vec2, cells: UVec2, seed: u32) -> f32 {
     let t = t * t * (3.0 - 2.0 * t);
     let corner = |x, y| hash((low + UVec2::new(x, y)) % cells, seed);
     corner(0, 0).lerp(corner(1, 0), t.x).lerp(corner(0, 1).lerp(corner(1, 1), t.x), t.y)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// Mean difference between two neighbouring rows or columns, in 0..=1.
+    fn step(image: &Image, texel: impl Fn(u32, u32) -> (u32, u32), line: u32, next: u32) -> f32 {
+        let edge = image.width;
+        let difference = |i| {
+            let [(ax, ay), (bx, by)] = [texel(line, i), texel(next, i)];
+            (image.texel(ax, ay) - image.texel(bx, by)).abs().element_sum()
+        };
+        (0..edge).map(difference).sum::<f32>() / edge as f32
+    }
+
+    #[test]
+    fn textures_repeat_without_a_seam() {
+        for image in [chessboard(256), brick(256), wood(256), panels(256)] {
+            for (axis, texel) in
+                [(|l, i| (l, i)) as fn(u32, u32) -> (u32, u32), |l, i| (i, l)].into_iter().enumerate()
+            {
+                let worst = (0..255).map(|line| step(&image, texel, line, line + 1)).fold(0.0, f32::max);
+                let seam = step(&image, texel, 255, 0);
+                assert!(
+                    seam <= worst * 1.05,
+                    "{} axis {axis}: {seam} at the seam, {worst} inside",
+                    image.name
+                );
+            }
+        }
+    }
+
+    #[test]
+    fn squares_alternate() {
+        let board = chessboard(256);
+        for square in 0..64 {
+            let (x, y) = (square % 8, square / 8);
+            let light = board.texel(x * 32 + 16, y * 32 + 16).x > 0.5;
+            assert_eq!(light, (x + y) % 2 == 0, "square {x}, {y}");
+        }
+    }
+
+    #[test]
+    fn any_size_is_an_image() {
+        for edge in [0, 1, 3, 100] {
+            let image = brick(edge);
+            assert_eq!(image.rgba.len() as u32, 4 * image.width * image.height);
+            assert!(image.width >= 1);
+        }
+    }
 }

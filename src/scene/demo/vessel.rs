@@ -3,35 +3,40 @@
 //! Sizes are in units of about ten centimetres. Each stands on y = 0 with a foot that is a hair above
 //! it: a rounded foot touches a plane in a circle, never in a face.
 
-use glam::{Vec2, Vec3};
+use glam::Vec2;
 
-use super::shape::{Curve, Mesh, Uv, revolve, tube};
+use super::Mesh;
+use super::shape::cuboid;
+use super::sweep::{Curve, Uv, revolve, tube};
 
 /// A cup of height 1.2 and radius 0.64 with its handle on +x, about 2,400 faces.
-///
-/// The handle's ends lie inside the wall, half way through it.
 pub fn cup() -> Mesh {
-    let body = Curve::from((0.0, 0.045))
+    cup_body().merged(&cup_handle())
+}
+
+fn cup_body() -> Mesh {
+    let profile = Curve::from((0.0, 0.045))
         .line((0.27, 0.045))
         .bend((0.30, 0.045), (0.30, 0.006), (0.335, 0.006), 2)
         .bend((0.39, 0.006), (0.39, 0.05), (0.37, 0.085), 2)
         .bend((0.36, 0.115), (0.39, 0.125), (0.44, 0.17), 2)
-        .bend((0.58, 0.31), (0.56, 0.74), (0.634, 1.165), 7)
+        .bend((0.58, 0.31), (0.56, 0.74), (0.634, 1.165), 6)
         .bend((0.640, 1.195), (0.638, 1.206), (0.616, 1.206), 3)
         .bend((0.596, 1.206), (0.592, 1.19), (0.587, 1.165), 3)
         .bend((0.51, 0.76), (0.52, 0.36), (0.40, 0.22), 5)
         .bend((0.32, 0.13), (0.20, 0.12), (0.0, 0.12), 2);
-    let path = Curve::from((0.577, 0.93)).bend((0.82, 1.06), (1.06, 1.02), (1.06, 0.76), 11).bend(
-        (1.06, 0.52),
-        (0.84, 0.28),
-        (0.505, 0.385),
-        13,
-    );
-    let handle = tube(&path, 10, |at| {
-        let flare = 1.0 + 0.35 * (2.0 * at - 1.0).powi(6);
+    revolve(&profile, 40, Uv::None)
+}
+
+/// A tube whose ends lie half way through the body's wall, square to it, so that neither shows.
+fn cup_handle() -> Mesh {
+    let start = Curve::from((0.580, 0.96));
+    let path = start.bend((0.84, 0.95), (1.07, 1.02), (1.07, 0.75), 10);
+    let path = path.bend((1.07, 0.52), (0.80, 0.30), (0.505, 0.385), 10);
+    tube(&path, 10, |at| {
+        let flare = 1.0 + 0.25 * (2.0 * at - 1.0).powi(6);
         Vec2::new(0.048, 0.072) * flare
-    });
-    revolve(&body, 40, Uv::None).merged(&handle)
+    })
 }
 
 /// A wine glass of height 1.5 with a stem, about 3,000 faces.
@@ -44,7 +49,7 @@ pub fn wine_glass() -> Mesh {
         .bend((0.04, 0.36), (0.035, 0.45), (0.055, 0.56), 3)
         .bend((0.09, 0.68), (0.44, 0.66), (0.44, 0.98), 7)
         .bend((0.44, 1.18), (0.37, 1.34), (0.34, 1.48), 4)
-        .bend((0.335, 1.50), (0.318, 1.50), (0.313, 1.48), 3)
+        .bend((0.335, 1.50), (0.319, 1.50), (0.313, 1.48), 3)
         .bend((0.34, 1.34), (0.405, 1.18), (0.405, 0.98), 4)
         .bend((0.405, 0.76), (0.17, 0.69), (0.0, 0.67), 6);
     revolve(&profile, 40, Uv::None)
@@ -66,12 +71,55 @@ pub fn bowl() -> Mesh {
 /// A picture-frame of four bars about the rectangle (`width`, `height`) in the plane z = 0, its lower
 /// left corner at the origin; the bars reach from `-thickness` to `thickness` in z.
 pub fn frame(width: f32, height: f32, bar: f32, thickness: f32) -> Mesh {
-    let beam =
-        |low: Vec2, high: Vec2| super::shape::cuboid(low.extend(-thickness), high.extend(thickness), 1.0);
+    let beam = |low: Vec2, high: Vec2| cuboid(low.extend(-thickness), high.extend(thickness), 1.0);
     // The upright bars stand between the others: bars touch, they do not overlap.
     beam(Vec2::new(-bar, -bar), Vec2::new(width + bar, 0.0))
         .merged(&beam(Vec2::new(-bar, height), Vec2::new(width + bar, height + bar)))
         .merged(&beam(Vec2::new(-bar, 0.0), Vec2::new(0.0, height)))
         .merged(&beam(Vec2::new(width, 0.0), Vec2::new(width + bar, height)))
-        .translated(Vec3::ZERO)
+}
+
+#[cfg(test)]
+mod tests {
+    use glam::Vec3;
+
+    use super::*;
+
+    /// Times that a ray from `point` meets the surface: odd inside a closed one.
+    fn crossings(mesh: &Mesh, point: Vec3) -> usize {
+        let direction = Vec3::new(0.31, 0.87, 0.38);
+        let meets = |face: &&[u32; 3]| {
+            let [a, b, c] = face.map(|v| mesh.positions[v as usize] - point);
+            let [u, v, w] = [(a, b), (b, c), (c, a)].map(|(from, to)| direction.dot(from.cross(to)) > 0.0);
+            let normal = (b - a).cross(c - a);
+            u == v && v == w && a.dot(normal) / direction.dot(normal) > 0.0
+        };
+        mesh.faces.iter().filter(meets).count()
+    }
+
+    #[test]
+    fn vessels_are_closed_bodies_above_the_ground() {
+        for (name, mesh) in [
+            ("cup body", cup_body()),
+            ("cup handle", cup_handle()),
+            ("glass", wine_glass()),
+            ("bowl", bowl()),
+            ("frame", frame(2.0, 1.0, 0.1, 0.05).translated(Vec3::Y * 0.11)),
+        ] {
+            assert!(mesh.is_closed(), "{name}");
+            assert!(mesh.volume() > 0.005, "{name} is inside out: {}", mesh.volume());
+            assert!(mesh.positions.iter().all(|p| p.y > 0.0), "{name} reaches into the ground");
+        }
+    }
+
+    #[test]
+    fn the_handle_ends_inside_the_wall() {
+        let (body, handle) = (cup_body(), cup_handle());
+        // An end is a centre and a rim of ten.
+        let ends = &handle.positions[handle.positions.len() - 22..];
+        for &end in ends {
+            assert_eq!(crossings(&body, end) % 2, 1, "{end} is outside the wall");
+        }
+        assert_eq!(crossings(&body, Vec3::new(0.0, 0.8, 0.0)) % 2, 0, "the cup is hollow");
+    }
 }

@@ -1,0 +1,102 @@
+//! The uniform block of a frame: view and lights, as glsl/frame.glsl reads them.
+
+use bytemuck::{Pod, Zeroable};
+use glam::{Mat4, Vec3};
+
+use crate::constants::{LIGHT_DIRECTIONAL, LIGHT_POINT, LIGHT_SPOT, MAX_LIGHTS};
+use crate::scene::{Light, LightKind, Scene, View};
+
+/// glsl/frame.glsl `Light`.
+#[repr(C)]
+#[derive(Debug, Clone, Copy, Pod, Zeroable)]
+pub struct LightBlock {
+    position: Vec3,
+    range: f32,
+    direction: Vec3,
+    kind: u32,
+    intensity: Vec3,
+    outer_cos: f32,
+    cone_scale: f32,
+    pad: [u32; 3],
+}
+
+/// glsl/frame.glsl `Frame`.
+#[repr(C)]
+#[derive(Debug, Clone, Copy, Pod, Zeroable)]
+pub struct FrameBlock {
+    clip_from_eye_relative: Mat4,
+    eye: Vec3,
+    light_count: u32,
+    forward: Vec3,
+    orthographic: u32,
+    ambient: f32,
+    lights: [LightBlock; MAX_LIGHTS as usize],
+    width: u32,
+    height: u32,
+    pad: u32,
+}
+
+impl FrameBlock {
+    /// The block of `scene` seen in `view`.
+    pub fn new(scene: &Scene, view: &View) -> Self {
+        let mut lights = [LightBlock::zeroed(); MAX_LIGHTS as usize];
+        for (block, light) in lights.iter_mut().zip(&scene.lights) {
+            *block = LightBlock::new(light);
+        }
+        Self {
+            clip_from_eye_relative: view.clip_from_eye_relative(),
+            eye: view.eye,
+            light_count: scene.lights.len().min(MAX_LIGHTS as usize) as u32,
+            forward: view.forward,
+            orthographic: u32::from(view.orthographic),
+            ambient: scene.ambient,
+            lights,
+            width: view.width,
+            height: view.height,
+            pad: 0,
+        }
+    }
+
+    /// The block with its image moved by a part of a pixel: for samples other than pixel centres.
+    pub fn jittered(mut self, x: f32, y: f32) -> Self {
+        let shift = Vec3::new(2.0 * x / self.width as f32, 2.0 * y / self.height as f32, 0.0);
+        self.clip_from_eye_relative = Mat4::from_translation(shift) * self.clip_from_eye_relative;
+        self
+    }
+
+    /// Image width in pixels.
+    pub fn width(&self) -> u32 {
+        self.width
+    }
+
+    /// Image height in pixels.
+    pub fn height(&self) -> u32 {
+        self.height
+    }
+}
+
+impl LightBlock {
+    fn new(light: &Light) -> Self {
+        let mut block = Self { intensity: light.intensity, range: f32::INFINITY, ..Self::zeroed() };
+        match light.kind {
+            LightKind::Point { position, range } => {
+                block.kind = LIGHT_POINT;
+                block.position = position;
+                block.range = range;
+            }
+            LightKind::Directional { direction } => {
+                block.kind = LIGHT_DIRECTIONAL;
+                block.direction = direction;
+            }
+            LightKind::Spot { position, direction, range, inner_cos, outer_cos } => {
+                block.kind = LIGHT_SPOT;
+                block.position = position;
+                block.direction = direction;
+                block.range = range;
+                block.outer_cos = outer_cos;
+                block.cone_scale = 1.0 / (inner_cos - outer_cos).max(1e-3);
+            }
+        }
+        block
+    }
+}

@@ -1,0 +1,190 @@
+//! Draws every face's ID: what the ways to read it back share.
+
+use std::{ops::Range, sync::Arc};
+
+use bytemuck::{Pod, Zeroable};
+use glam::{Mat4, Vec3};
+
+use super::{Class, DrawList, draw_list::Batch, mask};
+use crate::{
+    error::Result,
+    gpu::{
+        Binding, Blend, ColorTarget, Cull, DepthTarget, DescriptorSet, Draws, Format, Gpu, GraphicsDesc,
+        GraphicsPipeline, Image, ImageDesc, Recording, Resource, SetLayout, Targets, Uploads,
+    },
+    scene::{AlphaMode, Scene, View},
+    spirv,
+};
+
+/// Bindings of set 0: what every face needs.
+pub const FACE_BINDINGS: [Binding; 4] = [
+    Binding::storage("positions"),
+    Binding::storage("faces"),
+    Binding::storage("entries"),
+    Binding::storage("mask_vertices"),
+];
+/// Bindings of set 1: what faces with holes need besides.
+pub const MASK_BINDINGS: [Binding; 1] = [Binding::textures("alpha_map", 1)];
+
+/// Push constants of `face_fetch.glsl`.
+#[derive(Debug, Clone, Copy, Pod, Zeroable)]
+#[repr(C)]
+pub struct Push {
+    /// Clip coordinates from positions relative to the eye.
+    pub clip_from_eye_relative: Mat4,
+    /// Eye, relative to the scene's origin.
+    pub eye: Vec3,
+    /// Least alpha that counts, for masked faces.
+    pub alpha_cutoff: f32,
+}
+
+/// The faces of one scene on the device, with their pipelines.
+pub struct FaceDraw {
+    draws: Vec<BatchDraw>,
+    face_set: DescriptorSet,
+    /// Number of faces of the scene.
+    pub face_count: usize,
+    /// Faces of VT objects, by object.
+    pub vt_faces: Vec<Range<u32>>,
+    /// Faces of shadow receivers, by object.
+    pub shadow_faces: Vec<Range<u32>>,
+}
+
+struct BatchDraw {
+    batch: Batch,
+    pipeline: GraphicsPipeline,
+    mask: Option<(DescriptorSet, f32)>,
+}
+
+impl FaceDraw {
+    /// Uploads what the ID buffer of `scene` needs; `classes` has one entry for each object.
+    ///
+    /// # Errors
+    /// More faces than IDs; no device memory left.
+    pub fn new(gpu: &Arc<Gpu>, scene: &Scene, classes: &[Class]) -> Result<Self> {
+        let list = DrawList::new(scene, classes)?;
+        let mut uploads = Uploads::new(gpu, "ID buffer uploads", 8 << 20)?;
+        let masked = list.batches.iter().any(|batch| batch.mask.is_some());
+        let mask_vertices = if masked { mask::vertices(scene) } else { Vec::new() };
+        let face_layout = SetLayout::new(gpu, "ID buffer faces", &FACE_BINDINGS)?;
+        let face_set = face_layout.set(
+            "ID buffer faces",
+            &[
+                (
+                    "positions",
+                    Resource::Buffer(&uploads.buffer("ID buffer positions", &scene.geometry.positions)?),
+                ),
+                ("faces", Resource::Buffer(&uploads.buffer("ID buffer faces", &scene.geometry.faces)?)),
+                ("entries", Resource::Buffer(&uploads.buffer("ID buffer entries", &list.entries)?)),
+                (
+                    "mask_vertices",
+                    Resource::Buffer(&uploads.buffer("ID buffer mask vertices", &mask_vertices)?),
+                ),
+            ],
+        )?;
+        let mask_layout = SetLayout::new(gpu, "ID buffer mask", &MASK_BINDINGS)?;
+        let mut draws: Vec<BatchDraw> = Vec::with_capacity(list.batches.len());
+        for batch in list.batches {
+            let alike = |draw: &&BatchDraw| {
+                draw.batch.cull == batch.cull && draw.batch.mask.is_some() == batch.mask.is_some()
+            };
+            let pipeline = match draws.iter().find(alike) {
+                Some(draw) => draw.pipeline.clone(),
+                None => pipeline(gpu, &batch, &face_layout, &mask_layout)?,
+            };
+            let mask = match batch.mask {
+                None => None,
+                Some(material) => {
+                    let AlphaMode::Mask(cutoff) = scene.materials[material as usize].alpha_mode else {
+                        continue;
+                    };
+                    Some((mask::set(&mut uploads, scene, &mask_layout, material)?, cutoff))
+                }
+            };
+            draws.push(BatchDraw { batch, pipeline, mask });
+        }
+        uploads.flush()?;
+        let of_class = |wanted: Class| {
+            let objects = scene.objects.iter().zip(classes).filter(move |(_, class)| **class == wanted);
+            objects.map(|(object, _)| object.faces.clone()).collect()
+        };
+        Ok(Self {
+            draws,
+            face_set,
+            face_count: scene.geometry.faces.len(),
+            vt_faces: of_class(Class::Vt),
+            shadow_faces: of_class(Class::Shadow),
+        })
+    }
+
+    /// Draws into the cleared `images`, all of it or, to warm the pipelines up, one pixel.
+    pub fn record(&self, recording: &mut Recording<'_>, images: &IdImages, view: &View, one_pixel: bool) {
+        let colors = [ColorTarget { image: &images.ids, clear: Some([0.0; 4]), resolve: None }];
+        let depth = Some(DepthTarget { image: &images.depth, clear: true });
+        recording.render(&Targets { colors: &colors, depth }, |pass| {
+            if one_pixel {
+                pass.scissor([0, 0, 1, 1]);
+            }
+            self.draw(pass, view);
+        });
+    }
+
+    fn draw(&self, pass: &mut Draws<'_, '_>, view: &View) {
+        for BatchDraw { batch, pipeline, mask } in &self.draws {
+            pass.pipeline(pipeline).set(0, &self.face_set);
+            if let Some((set, _)) = mask {
+                pass.set(1, set);
+            }
+            pass.push(&Push {
+                clip_from_eye_relative: view.clip_from_eye_relative(),
+                eye: view.eye,
+                alpha_cutoff: mask.as_ref().map_or(0.0, |mask| mask.1),
+            });
+            pass.draw(3 * batch.entries.start..3 * batch.entries.end);
+        }
+    }
+}
+
+/// The ID buffer and its depth, of one size.
+pub struct IdImages {
+    /// Face + 1 in the colour, code in alpha.
+    pub ids: Image,
+    /// Reversed-Z depth.
+    pub depth: Image,
+}
+
+impl IdImages {
+    /// Images of the size of `view`.
+    ///
+    /// # Errors
+    /// A size that the device does not support; no device memory left.
+    pub fn new(gpu: &Arc<Gpu>, view: &View) -> Result<Self> {
+        let image = |name, format| Image::new(gpu, &ImageDesc::target(name, format, view.width, view.height));
+        Ok(Self {
+            ids: image("ID buffer", Format::Rgba8)?,
+            depth: image("ID buffer depth", Format::Depth32f)?,
+        })
+    }
+
+    /// Whether they have the size of `view`.
+    pub fn fit(&self, view: &View) -> bool {
+        (self.ids.width(), self.ids.height()) == (view.width, view.height)
+    }
+}
+
+fn pipeline(gpu: &Arc<Gpu>, batch: &Batch, faces: &SetLayout, mask: &SetLayout) -> Result<GraphicsPipeline> {
+    let (name, vertex, fragment, sets): (_, &[u8], &[u8], &[&SetLayout]) = match batch.mask {
+        None => ("ID buffer", spirv!("id_buffer.vert"), spirv!("id_buffer.frag"), &[faces]),
+        Some(_) => {
+            ("ID buffer mask", spirv!("id_buffer_mask.vert"), spirv!("id_buffer_mask.frag"), &[faces, mask])
+        }
+    };
+    let desc = GraphicsDesc {
+        sets,
+        push_bytes: size_of::<Push>() as u32,
+        colors: &[(Format::Rgba8, Blend::Replace)],
+        cull: if batch.cull { Cull::Back } else { Cull::None },
+        ..GraphicsDesc::opaque(name, vertex, fragment)
+    };
+    GraphicsPipeline::new(gpu, &desc)
+}

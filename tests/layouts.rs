@@ -1,0 +1,152 @@
+//! Shader interfaces against Rust: push constants, buffer elements and bindings, read from the SPIR-V.
+
+use std::{
+    collections::{BTreeMap, HashMap},
+    mem::offset_of,
+};
+
+use vertex_tracing::{
+    gpu::Binding,
+    spirv,
+    visibility::{
+        MaskVertex, device,
+        face_draw::{FACE_BINDINGS, MASK_BINDINGS, Push},
+    },
+};
+
+/// Names, decorations and types of a SPIR-V module; just what the tests ask for.
+#[derive(Default)]
+struct Module {
+    names: HashMap<u32, String>,
+    member_names: HashMap<(u32, u32), String>,
+    offsets: HashMap<(u32, u32), u32>,
+    strides: HashMap<u32, u32>,
+    /// Set and binding of each variable.
+    places: HashMap<u32, [Option<u32>; 2]>,
+    /// What pointers point to, and arrays consist of.
+    inner: HashMap<u32, u32>,
+    /// Type of the first member of each struct.
+    first_members: HashMap<u32, u32>,
+    /// Pointer type of each variable.
+    variables: HashMap<u32, u32>,
+}
+
+impl Module {
+    fn read(spirv: &[u8]) -> Self {
+        let words: Vec<u32> =
+            spirv.chunks_exact(4).map(|w| u32::from_le_bytes([w[0], w[1], w[2], w[3]])).collect();
+        assert_eq!(words[0], 0x0723_0203, "SPIR-V begins with its magic number");
+        let mut module = Self::default();
+        let mut at = 5;
+        while at < words.len() {
+            let (count, opcode) = ((words[at] >> 16) as usize, words[at] & 0xffff);
+            let args = &words[at + 1..at + count];
+            match (opcode, args) {
+                (5, [id, name @ ..]) => drop(module.names.insert(*id, text(name))),
+                (6, [id, member, name @ ..]) => drop(module.member_names.insert((*id, *member), text(name))),
+                (71, [id, 6, stride]) => drop(module.strides.insert(*id, *stride)),
+                (71, [id, 34, set]) => module.places.entry(*id).or_default()[0] = Some(*set),
+                (71, [id, 33, binding]) => module.places.entry(*id).or_default()[1] = Some(*binding),
+                (72, [id, member, 35, offset]) => drop(module.offsets.insert((*id, *member), *offset)),
+                (28 | 29, [id, element, ..]) => drop(module.inner.insert(*id, *element)),
+                (30, [id, first, ..]) => drop(module.first_members.insert(*id, *first)),
+                (32, [id, _, target]) => drop(module.inner.insert(*id, *target)),
+                (59, [kind, id, ..]) => drop(module.variables.insert(*id, *kind)),
+                _ => {}
+            }
+            at += count;
+        }
+        module
+    }
+
+    /// Byte offset of each member of the struct called `name`.
+    fn offsets(&self, name: &str) -> BTreeMap<String, usize> {
+        let members = |id: u32| {
+            self.offsets
+                .iter()
+                .filter(move |((owner, _), _)| *owner == id)
+                .map(|(key, offset)| (self.member_names[key].clone(), *offset as usize))
+        };
+        let found =
+            self.names.iter().filter(|(_, known)| *known == name).map(|(id, _)| members(*id).collect());
+        found.max_by_key(BTreeMap::len).unwrap_or_else(|| panic!("no struct {name}"))
+    }
+
+    /// Byte distance of the elements of each block's array, by the array's name.
+    fn strides(&self) -> BTreeMap<&str, usize> {
+        let blocks = self.variables.values().filter_map(|pointer| self.inner.get(pointer));
+        let stride = |block: &u32| {
+            let name = self.member_names.get(&(*block, 0))?;
+            Some((name.as_str(), *self.strides.get(self.first_members.get(block)?)? as usize))
+        };
+        blocks.filter_map(stride).collect()
+    }
+
+    /// Set and binding of every named resource: a block goes by its first member.
+    fn bindings(&self) -> BTreeMap<&str, (u32, u32)> {
+        let name = |variable: &u32| {
+            let block = self.inner[&self.variables[variable]];
+            self.member_names.get(&(block, 0)).unwrap_or_else(|| &self.names[variable]).as_str()
+        };
+        let places =
+            self.places.iter().filter_map(|(variable, place)| Some((variable, (place[0]?, place[1]?))));
+        places.map(|(variable, place)| (name(variable), place)).collect()
+    }
+}
+
+fn text(words: &[u32]) -> String {
+    let bytes = words.iter().flat_map(|word| word.to_le_bytes()).take_while(|&byte| byte != 0);
+    String::from_utf8(bytes.collect()).expect("names are UTF-8")
+}
+
+/// Holds `found` against a table in which a binding's place is its number.
+fn assert_bindings(found: &BTreeMap<&str, (u32, u32)>, tables: &[&[Binding]]) {
+    for (name, &(set, binding)) in found {
+        let entry = tables.get(set as usize).and_then(|table| table.get(binding as usize));
+        assert_eq!(entry.map(|entry| entry.name), Some(*name), "set {set}, binding {binding}");
+    }
+}
+
+#[test]
+fn push_constants() {
+    let expected = BTreeMap::from([
+        ("clip_from_eye_relative".to_owned(), offset_of!(Push, clip_from_eye_relative)),
+        ("eye".to_owned(), offset_of!(Push, eye)),
+        ("alpha_cutoff".to_owned(), offset_of!(Push, alpha_cutoff)),
+    ]);
+    for shader in
+        [&spirv!("id_buffer.vert")[..], spirv!("id_buffer_mask.vert"), spirv!("id_buffer_mask.frag")]
+    {
+        assert_eq!(Module::read(shader).offsets("Push"), expected);
+    }
+    assert!(size_of::<Push>() <= 128, "what every device has room for");
+}
+
+#[test]
+fn buffer_elements() {
+    let module = Module::read(spirv!("id_buffer_mask.vert"));
+    let expected = BTreeMap::from([
+        ("uv".to_owned(), offset_of!(MaskVertex, uv)),
+        ("alpha".to_owned(), offset_of!(MaskVertex, alpha)),
+    ]);
+    assert_eq!(module.offsets("MaskVertex"), expected);
+    let expected = BTreeMap::from([
+        ("positions", size_of::<glam::Vec3>()),
+        ("faces", size_of::<[u32; 3]>()),
+        ("entries", size_of::<u32>()),
+        ("mask_vertices", size_of::<MaskVertex>()),
+    ]);
+    assert_eq!(module.strides(), expected);
+}
+
+#[test]
+fn bindings() {
+    let solid = Module::read(spirv!("id_buffer.vert"));
+    let masked = [Module::read(spirv!("id_buffer_mask.vert")), Module::read(spirv!("id_buffer_mask.frag"))];
+    assert_eq!(solid.bindings().len(), 3);
+    assert_eq!(masked.each_ref().map(|module| module.bindings().len()), [4, 1]);
+    for module in masked.iter().chain([&solid]) {
+        assert_bindings(&module.bindings(), &[&FACE_BINDINGS, &MASK_BINDINGS]);
+    }
+    assert_bindings(&Module::read(spirv!("count_faces.comp")).bindings(), &[&device::BINDINGS]);
+}
