@@ -4,8 +4,9 @@
 #extension GL_GOOGLE_include_directive : require
 #include "shading.glsl"
 
-// Nodes that every leaf of this draw has room for.
-layout(constant_id = 2) const uint NODES = 8;
+// What the leaves of this draw may have: LEAVES_PLAIN no specular part, LEAVES_FIRST at most the patch that the
+// view ray meets after one bounce, LEAVES_NODES any number of nodes besides.
+layout(constant_id = 2) const uint LEAVES = LEAVES_NODES;
 // Components that this pass adds up: all in one pass, or one group a pass.
 layout(constant_id = 3) const uint COMPONENTS = 31;
 // Eq. 4 multiplies the combined colour by the first texture of its branch; Eq. 3 adds it.
@@ -16,14 +17,18 @@ layout(set = 0, binding = 3) uniform sampler2DArray environment;
 
 layout(location = 0) centroid in vec3 position;
 layout(location = 1) centroid in vec3 normal;
-layout(location = 2) centroid in vec4 uv;
+layout(location = 2) centroid in vec4 slot_uv;
 layout(location = 3) centroid in vec3 weights;
 layout(location = 4) centroid in vec4 color;
-layout(location = 5) centroid in vec4 tangent;
-layout(location = 6) centroid in vec3 comb_reflected;
-layout(location = 7) centroid in vec3 comb_transmitted;
-layout(location = 8) flat in uvec4 header;
-layout(location = 9) flat in vec3 facet;
+layout(location = 5) centroid in vec3 comb_reflected;
+layout(location = 6) centroid in vec3 comb_transmitted;
+layout(location = 7) centroid in vec4 uv;
+layout(location = 8) centroid in vec4 tangent;
+layout(location = 9) flat in uvec4 header;
+layout(location = 10) flat in uvec4 references;
+layout(location = 11) flat in vec3 facet;
+layout(location = 12) flat in vec4 own[4];
+layout(location = 16) flat in vec4 first[7];
 
 layout(location = 0) out vec4 radiance;
 
@@ -54,21 +59,20 @@ bool inside_outline(uint target, vec3 point) {
     return true;
 }
 
-// Radiance of a planar target that is hit, and the texel that Eq. 4 asks for.
-vec3 planar_radiance(uvec4 head, Ray ray, out vec3 texel) {
+// Radiance of the planar candidate that is hit nearest inside its outline, and the texel that Eq. 4 asks for.
+vec3 candidates_radiance(uvec4 head, Ray ray, out vec3 texel) {
     uint count = (head.x >> 4) & 3u;
     uint targets[3] = uint[3](head.y, head.z, head.w);
     Candidate best;
     vec2 base_dx, base_dy, emissive_dx, emissive_dy;
     uint best_target = targets[0];
     bool best_inside = false;
-    for (uint k = 0u; k < 3u; ++k) {
-        if (k >= count) break;
+    for (uint k = 0u; k < count; ++k) {
         Candidate candidate = candidate_on(targets[k], ray);
         // Gradients of every candidate's coordinates, before any choice between them.
         vec2 bx = dFdx(candidate.base_uv), by = dFdy(candidate.base_uv);
         vec2 ex = dFdx(candidate.emissive_uv), ey = dFdy(candidate.emissive_uv);
-        bool inside = count == 1u || (candidate.s > 0.0 && inside_outline(targets[k], candidate.point));
+        bool inside = candidate.s > 0.0 && inside_outline(targets[k], candidate.point);
         bool nearer = candidate.s > 0.0 && (best.s <= 0.0 || candidate.s < best.s);
         if (k == 0u || (inside && !best_inside) || (inside == best_inside && nearer)) {
             best = candidate;
@@ -82,11 +86,30 @@ vec3 planar_radiance(uvec4 head, Ray ray, out vec3 texel) {
     vec4 base_texel = bank_texel(textures.x, best.base_uv, base_dx, base_dy);
     vec3 emission_texel = bank_texel(textures.y, best.emissive_uv, emissive_dx, emissive_dy).rgb;
     texel = base_texel.rgb;
-    Material m = material_with(material, unpackUnorm4x8(scene_words(best_target + 1u).z), base_texel, emission_texel);
+    vec4 constants[4];
+    material_constants(material, constants);
+    Material m = material_from(constants, vec4(1.0), base_texel, emission_texel);
     vec3 n = scene_floats(best_target).xyz;
     vec3 direction = normalize(ray.direction);
     if (dot(n, direction) > 0.0) n = -n;
     return local_radiance(m, best.point, n, direction, head.x >> 8, weights);
+}
+
+// Radiance of the patch that the view ray meets after one bounce: its constants came flat from the vertices.
+vec3 first_radiance(vec3 direction, out vec3 texel) {
+    vec3 n = first[0].xyz;
+    float s = (first[0].w - dot(n, position)) / dot(n, direction);
+    vec3 point = position + direction * s;
+    vec2 at = vec2(dot(first[1], vec4(point, 1.0)), dot(first[2], vec4(point, 1.0)));
+    vec2 dx = dFdx(at), dy = dFdy(at);
+    texel = vec3(1.0);
+    if (s <= 0.0) return vec3(0.0);
+    vec4 base_texel = bank_texel(floatBitsToUint(first[3].w), at, dx, dy);
+    texel = base_texel.rgb;
+    vec4 constants[4] = vec4[4](vec4(first[3].rgb, 1.0), first[4], first[5], first[6]);
+    Material m = material_from(constants, vec4(1.0), base_texel, vec3(1.0));
+    if (dot(n, direction) > 0.0) n = -n;
+    return local_radiance(m, point, n, direction, references.w, weights);
 }
 
 // Radiance of the panorama: its centre is -z, up is +y. The seam of atan has no gradient, so that none is used.
@@ -96,57 +119,42 @@ vec3 environment_radiance(vec3 direction) {
     return textureLod(environment, vec3(u, v, 0.0), 0.0).rgb;
 }
 
-// What one node adds, before α, and the texel that it looked up.
-vec3 node_radiance(inout uint at, Branches branches, out uint branch, out vec3 texel, out bool first_bounce) {
+// What one node adds, before α.
+vec3 node_radiance(inout uint at, Branches branches, out uint branch) {
     uvec4 head = node_words(at);
     uint kind = head.x & 7u;
     branch = (head.x >> 3) & 1u;
     at += 1u;
-    texel = vec3(1.0);
-    first_bounce = kind == NODE_FIRST_PLANE;
-    if (kind == NODE_NONE) return vec3(0.0);
-    if (kind == NODE_FIRST_PLANE) {
-        Ray ray = Ray(position, branch == 0u ? branches.reflected : branches.refracted);
-        return planar_radiance(head, ray, texel);
+    vec3 texel;
+    vec3 bounced = branch == 0u ? branches.reflected : branches.refracted;
+    if (kind == NODE_FIRST_PLANES) return candidates_radiance(head, Ray(position, bounced), texel);
+    if (kind == NODE_FIRST_ENVIRONMENT) return environment_radiance(bounced);
+    vec4 a[3];
+    for (uint i = 0u; i < 3u; ++i) a[i] = node_floats(at + i);
+    vec4 shade = weights.x * a[0] + weights.y * a[1] + weights.z * a[2];
+    at += 3u;
+    vec4 c[3];
+    for (uint i = 0u; i < 3u; ++i) c[i] = node_floats(at + i);
+    vec4 bundle = weights.x * c[0] + weights.y * c[1] + weights.z * c[2];
+    at += 3u;
+    if (kind == NODE_ENVIRONMENT) return shade.rgb * environment_radiance(normalize(bundle.xyz));
+    if (kind == NODE_CHART) {
+        // Projective coordinates: w u, w v, w.
+        vec2 where = bundle.xy / bundle.z;
+        return shade.rgb * bank_texel(head.y, where, dFdx(where), dFdy(where)).rgb;
     }
-    if (kind == NODE_FIRST_ENVIRONMENT)
-        return environment_radiance(branch == 0u ? branches.reflected : branches.refracted);
-    if (kind == NODE_ENVIRONMENT) {
-        vec3 throughput = vec3(0.0), direction = vec3(0.0);
-        for (uint i = 0u; i < 3u; ++i) {
-            throughput += weights[i] * node_floats(at + 2u * i).rgb;
-            direction += weights[i] * node_floats(at + 2u * i + 1u).xyz;
-        }
-        at += 6u;
-        return throughput * environment_radiance(normalize(direction));
+    vec4 e[3];
+    for (uint i = 0u; i < 3u; ++i) e[i] = node_floats(at + i);
+    vec4 rest = weights.x * e[0] + weights.y * e[1] + weights.z * e[2];
+    at += 3u;
+    if (kind == NODE_PLANES) {
+        Ray ray = Ray(bundle.xyz / shade.w, rest.xyz / shade.w);
+        return shade.rgb * candidates_radiance(head, ray, texel);
     }
-    if (kind == NODE_PLANE) {
-        vec3 throughput = vec3(0.0);
-        vec3 origin = vec3(0.0), direction = vec3(0.0);
-        float scale = 0.0;
-        for (uint i = 0u; i < 3u; ++i) {
-            vec4 a = node_floats(at + 3u * i);
-            throughput += weights[i] * a.rgb;
-            scale += weights[i] * a.w;
-            origin += weights[i] * node_floats(at + 3u * i + 1u).xyz;
-            direction += weights[i] * node_floats(at + 3u * i + 2u).xyz;
-        }
-        at += 9u;
-        return throughput * planar_radiance(head, Ray(origin / scale, direction / scale), texel);
-    }
-    // NODE_CHART: projective coordinates and a local colour from the corners.
-    vec3 shade = vec3(0.0);
-    vec3 coordinates = vec3(0.0);
-    for (uint i = 0u; i < 3u; ++i) {
-        vec4 a = node_floats(at + 2u * i);
-        shade += weights[i] * a.rgb;
-        coordinates += weights[i] * node_floats(at + 2u * i + 1u).xyz;
-    }
-    at += 6u;
-    vec2 where = coordinates.xy / coordinates.z;
-    vec2 dx = dFdx(where), dy = dFdy(where);
-    texel = bank_texel(head.y, where, dx, dy).rgb;
-    return shade * texel;
+    // NODE_PLANE: the bundle's ray meets the plane at s; both coordinates are affine in s.
+    float s = bundle.x / bundle.y;
+    vec2 where = (bundle.zw + s * rest.xy) / shade.w;
+    return shade.rgb * bank_texel(head.y, where, dFdx(where), dFdy(where)).rgb;
 }
 
 void main() {
@@ -155,41 +163,51 @@ void main() {
     vec3 ng = normalize(facet);
     if (dot(n, ng) < 0.0) ng = -ng;
 
-    Coordinates at;
-    at.uv[0] = uv.xy;
-    at.uv[1] = uv.zw;
-    at.dx[0] = dFdx(uv.xy);
-    at.dx[1] = dFdx(uv.zw);
-    at.dy[0] = dFdy(uv.xy);
-    at.dy[1] = dFdy(uv.zw);
-    n = mapped_normal(header.x, n, tangent, at);
     bool outside = dot(ng, d) < 0.0;
+    vec4 base_texel = bank_texel(references.x, slot_uv.xy, dFdx(slot_uv.xy), dFdy(slot_uv.xy));
+    vec3 emission_texel = bank_texel(references.y, slot_uv.zw, dFdx(slot_uv.zw), dFdy(slot_uv.zw)).rgb;
+    Material m = material_from(own, color, base_texel, emission_texel);
+    if (HAS_DETAIL_TEXTURES) {
+        Coordinates at;
+        at.uv[0] = uv.xy;
+        at.uv[1] = uv.zw;
+        at.dx[0] = dFdx(uv.xy);
+        at.dx[1] = dFdx(uv.zw);
+        at.dy[0] = dFdy(uv.xy);
+        at.dy[1] = dFdy(uv.zw);
+        n = mapped_normal(header.x, n, tangent, at);
+        apply_detail_textures(m, header.x, at);
+    }
     if (!outside) { ng = -ng; n = -n; }
-
-    Material m = material_at(header.x, color, at);
-    if ((m.flags & MATERIAL_MASK) != 0u && m.alpha < scene_floats(header.x + 6u).x) discard;
+    if ((m.flags & MATERIAL_MASK) != 0u && m.alpha < own[3].z) discard;
 
     vec3 sum = vec3(0.0);
     if ((COMPONENTS & COMPONENT_PRIMARY) != 0u) sum += local_radiance(m, position, n, d, header.y, weights);
-    if ((header.w & LEAF_SPECULAR) != 0u) {
+    if (LEAVES != LEAVES_PLAIN) {
         Branches branches = branches_at(m, n, ng, d, outside);
-        vec3 first_texel[2] = vec3[2](vec3(1.0), vec3(1.0));
         vec3 textured[2] = vec3[2](vec3(0.0), vec3(0.0));
-        uint at_node = header.z;
-        for (uint i = 0u; i < NODES; ++i) {
-            uint branch;
-            vec3 texel;
-            bool first_bounce;
-            vec3 value = node_radiance(at_node, branches, branch, texel, first_bounce);
-            textured[branch] += value;
-            if (first_bounce) first_texel[branch] = texel;
+        vec3 first_texel = vec3(1.0);
+        uint first_branch = references.w >> 31;
+        if (references.z != NO_TARGET) {
+            vec3 bounced = first_branch == 0u ? branches.reflected : branches.refracted;
+            textured[first_branch] = first_radiance(bounced, first_texel);
+        }
+        if (LEAVES == LEAVES_NODES) {
+            uint at_node = header.z;
+            for (uint i = header.w >> LEAF_COUNT_SHIFT; i > 0u; --i) {
+                uint branch;
+                vec3 value = node_radiance(at_node, branches, branch);
+                textured[branch] += value;
+            }
         }
         vec3 comb[2] = vec3[2](comb_reflected, comb_transmitted);
         for (uint b = 0u; b < 2u; ++b) {
             vec3 branch_sum = vec3(0.0);
             if ((COMPONENTS & (COMPONENT_REFLECTED << b)) != 0u) branch_sum += textured[b];
-            if ((COMPONENTS & (COMPONENT_REFLECTED_COMB << b)) != 0u)
-                branch_sum += EQUATION_FOUR ? comb[b] * first_texel[b] : comb[b];
+            if ((COMPONENTS & (COMPONENT_REFLECTED_COMB << b)) != 0u) {
+                bool multiplied = EQUATION_FOUR && b == first_branch;
+                branch_sum += multiplied ? comb[b] * first_texel : comb[b];
+            }
             sum += branches.attenuation[b] * branch_sum;
         }
     }

@@ -1,25 +1,40 @@
 #version 460
-// One corner of a leaf: three invocations read a leaf record and the vertices that it names.
+// One corner of a leaf: three invocations read a leaf record and what it names.
+//
+// Everything that is the same over a leaf is read here and handed on flat: reading tables per fragment costs
+// several times more on software devices.
 #extension GL_EXT_scalar_block_layout : require
 #extension GL_GOOGLE_include_directive : require
 #include "frame.glsl"
 #include "leaf.glsl"
+#include "material_constants.glsl"
 
 layout(set = 1, binding = 0, scalar) readonly buffer Vertices { Vertex vertices[]; };
 layout(set = 1, binding = 1, scalar) readonly buffer Leaves { Leaf leaves[]; };
 
 layout(location = 0) centroid out vec3 position;
 layout(location = 1) centroid out vec3 normal;
-layout(location = 2) centroid out vec4 uv;
+layout(location = 2) centroid out vec4 slot_uv;     // base colour, emission
 layout(location = 3) centroid out vec3 weights;
 layout(location = 4) centroid out vec4 color;
-layout(location = 5) centroid out vec4 tangent;
-layout(location = 6) centroid out vec3 comb_reflected;
-layout(location = 7) centroid out vec3 comb_transmitted;
-layout(location = 8) flat out uvec4 header;
-layout(location = 9) flat out vec3 facet;
+layout(location = 5) centroid out vec3 comb_reflected;
+layout(location = 6) centroid out vec3 comb_transmitted;
+layout(location = 7) centroid out vec4 uv;          // both sets
+layout(location = 8) centroid out vec4 tangent;
+layout(location = 9) flat out uvec4 header;         // material, lit, nodes, flags
+layout(location = 10) flat out uvec4 references;    // base colour, emission, first target, its lights
+layout(location = 11) flat out vec3 facet;
+layout(location = 12) flat out vec4 own[4];
+layout(location = 16) flat out vec4 first[7];
 
 invariant gl_Position;
+
+vec2 slot_coordinates(uint material, uint slot, vec4 sets) {
+    vec4 u = scene_floats(material + MATERIAL_SLOTS + 2u * slot);
+    vec4 v = scene_floats(material + MATERIAL_SLOTS + 2u * slot + 1u);
+    vec3 at = vec3(floatBitsToUint(u.w) == 0u ? sets.xy : sets.zw, 1.0);
+    return vec2(dot(u.xyz, at), dot(v.xyz, at));
+}
 
 void main() {
     Leaf leaf = leaves[gl_VertexIndex / 3];
@@ -28,13 +43,33 @@ void main() {
     position = vertex.position;
     normal = vertex.normal;
     uv = vec4(vertex.uv[0], vertex.uv[1]);
+    slot_uv = vec4(slot_coordinates(leaf.material, 0u, uv), slot_coordinates(leaf.material, 1u, uv));
     weights = vec3(corner == 0u, corner == 1u, corner == 2u);
     color = vec4(unpackHalf2x16(vertex.color[0]), unpackHalf2x16(vertex.color[1]));
     tangent = vec4(unpackHalf2x16(vertex.tangent[0]), unpackHalf2x16(vertex.tangent[1]));
     comb_reflected = leaf.comb[corner][0];
     comb_transmitted = leaf.comb[corner][1];
+
     header = uvec4(leaf.material, leaf.lit, leaf.nodes, leaf.flags);
+    uvec4 textures = scene_words(leaf.material + 4u);
+    references = uvec4(textures.x, textures.y, leaf.first_target, leaf.first_lit);
     vec3 a = vertices[leaf.vertices[0]].position;
     facet = cross(vertices[leaf.vertices[1]].position - a, vertices[leaf.vertices[2]].position - a);
+    material_constants(leaf.material, own);
+    if (leaf.first_target != NO_TARGET) {
+        uint material = scene_words(leaf.first_target + 1u).x;
+        vec4 constants[4];
+        material_constants(material, constants);
+        first[0] = scene_floats(leaf.first_target);
+        first[1] = scene_floats(leaf.first_target + 2u);
+        first[2] = scene_floats(leaf.first_target + 3u);
+        first[3] = constants[0];
+        first[3].w = uintBitsToFloat(scene_words(material + 4u).x);
+        first[4] = constants[1];
+        first[5] = constants[2];
+        first[6] = constants[3];
+    } else {
+        for (uint i = 0u; i < 7u; ++i) first[i] = vec4(0.0);
+    }
     gl_Position = frame.clip_from_eye_relative * vec4(vertex.position - frame.eye, 1.0);
 }

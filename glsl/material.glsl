@@ -4,6 +4,7 @@
 
 #include "bank.glsl"
 #include "frame.glsl"
+#include "material_constants.glsl"
 
 // Whether any material has a texture other than base colour and emission, or a normal map.
 layout(constant_id = 1) const bool HAS_DETAIL_TEXTURES = true;
@@ -41,47 +42,37 @@ Slot material_slot(uint material, uint index, uint reference, Coordinates at) {
 
 vec4 slot_texel(Slot slot) { return bank_texel(slot.reference, slot.uv, slot.dx, slot.dy); }
 
-// Values with the texels of base colour and emission given: a target's come from its patch's maps.
-Material material_with(uint material, vec4 color, vec4 base_texel, vec3 emission_texel) {
-    vec4 base = scene_floats(material) * color;
-    vec4 emission_ior = scene_floats(material + 1u);
-    vec4 scalars = scene_floats(material + 2u);
-    vec4 specular_color = scene_floats(material + 3u);
+// A material from constants that were read before, with the texels of base colour and emission.
+Material material_from(vec4 constants[4], vec4 color, vec4 base_texel, vec3 emission_texel) {
+    vec4 base = constants[0] * color;
     Material m;
     m.base = base.rgb;
     m.base_texel = base_texel.rgb;
     m.alpha = base.a * base_texel.a;
-    m.emission = emission_ior.rgb * emission_texel;
-    m.ior = emission_ior.w;
-    m.metallic = scalars.x;
-    m.roughness = scalars.y;
-    m.transmission = scalars.w;
-    float f0 = (m.ior - 1.0) / (m.ior + 1.0);
-    m.specular = specular_color.rgb * (scalars.z * f0 * f0);
-    m.flags = scene_words(material + 5u).w;
+    m.emission = constants[1].rgb * emission_texel;
+    m.ior = constants[1].w;
+    m.specular = constants[2].rgb;
+    m.roughness = constants[2].w;
+    m.metallic = constants[3].x;
+    m.transmission = constants[3].y;
+    m.flags = floatBitsToUint(constants[3].w);
     return m;
 }
 
-Material material_at(uint material, vec4 color, Coordinates at) {
-    uvec4 first = scene_words(material + 4u);
-    vec4 base_texel = slot_texel(material_slot(material, 0u, first.x, at));
-    vec3 emission_texel = slot_texel(material_slot(material, 1u, first.y, at)).rgb;
-    Material m = material_with(material, color, base_texel, emission_texel);
-    if (HAS_DETAIL_TEXTURES) {
-        uvec4 second = scene_words(material + 5u);
-        vec4 metallic_roughness = slot_texel(material_slot(material, 2u, first.z, at));
-        m.metallic *= metallic_roughness.b;
-        m.roughness *= metallic_roughness.g;
-        m.specular *= slot_texel(material_slot(material, 4u, second.x, at)).a
-            * slot_texel(material_slot(material, 5u, second.y, at)).rgb;
-        m.transmission *= slot_texel(material_slot(material, 6u, second.z, at)).r;
-    }
-    return m;
+// Factors that textures other than base colour and emission put on a material.
+void apply_detail_textures(inout Material m, uint material, Coordinates at) {
+    uint metallic_roughness_reference = scene_words(material + 4u).z;
+    uvec4 second = scene_words(material + 5u);
+    vec4 metallic_roughness = slot_texel(material_slot(material, 2u, metallic_roughness_reference, at));
+    m.metallic *= metallic_roughness.b;
+    m.roughness *= metallic_roughness.g;
+    m.specular *= slot_texel(material_slot(material, 4u, second.x, at)).a
+        * slot_texel(material_slot(material, 5u, second.y, at)).rgb;
+    m.transmission *= slot_texel(material_slot(material, 6u, second.z, at)).r;
 }
 
 // The shading normal bent by a normal map; unchanged without one.
 vec3 mapped_normal(uint material, vec3 n, vec4 tangent, Coordinates at) {
-    if (!HAS_DETAIL_TEXTURES) return n;
     Slot slot = material_slot(material, 3u, scene_words(material + 4u).w, at);
     if (slot.reference == NO_TEXTURE) return n;
     vec3 along = tangent.xyz - n * dot(n, tangent.xyz);

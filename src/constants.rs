@@ -74,11 +74,13 @@ shared_constants! {
     LIGHT_DIRECTIONAL: u32 = 1;
     /// A spot light.
     LIGHT_SPOT: u32 = 2;
-    /// No node: room that a leaf does not need.
-    NODE_NONE: u32 = 0;
-    /// First bounce onto planes: the view ray itself is reflected or refracted.
-    NODE_FIRST_PLANE: u32 = 1;
-    /// Deeper bounce onto planes: a weighted bundle of the corners' rays.
+    /// Keeps a material's flags a normal number when they travel as one.
+    MATERIAL_NORMAL_NUMBER: u32 = 0x4000_0000;
+    /// First bounce onto one of several patches: the view ray itself is reflected or refracted.
+    NODE_FIRST_PLANES: u32 = 0;
+    /// Deeper bounce onto one of several patches: a weighted bundle of the corners' rays.
+    NODE_PLANES: u32 = 1;
+    /// Deeper bounce onto one patch: the bundle's ray, multiplied out.
     NODE_PLANE: u32 = 2;
     /// A curved target: projective texture coordinates.
     NODE_CHART: u32 = 3;
@@ -86,10 +88,18 @@ shared_constants! {
     NODE_FIRST_ENVIRONMENT: u32 = 4;
     /// Deeper bounce into the environment.
     NODE_ENVIRONMENT: u32 = 5;
-    /// The leaf belongs to a specular VT object.
-    LEAF_SPECULAR: u32 = 1;
     /// Pixels of the leaf were traced one by one.
     LEAF_TRACED: u32 = 2;
+    /// Where a leaf's flags end and its number of nodes begins, in bits.
+    LEAF_COUNT_SHIFT: u32 = 8;
+    /// No patch.
+    NO_TARGET: u32 = 0xffff_ffff;
+    /// Leaves without specular part.
+    LEAVES_PLAIN: u32 = 0;
+    /// Leaves with at most the patch that the view ray meets after one bounce.
+    LEAVES_FIRST: u32 = 1;
+    /// Leaves with any number of nodes besides.
+    LEAVES_NODES: u32 = 2;
     /// C_prim · CT_prim of Eq. 3.
     COMPONENT_PRIMARY: u32 = 1;
     /// α_r · C_refl · CT_refl.

@@ -33,24 +33,23 @@ pub struct GpuLeaf {
     lit: u32,
     nodes: u32,
     flags: u32,
-    pad: u32,
+    first_target: u32,
+    first_lit: u32,
     comb: [[Vec3; 2]; 3],
 }
 
-/// Node counts that pipelines are made for; a leaf goes to the first that holds its nodes.
-pub const BUCKETS: [u32; 6] = [0, 1, 2, 4, 8, 32];
+/// What a group of leaves needs of its pipeline: `LEAVES_…`.
+pub const GROUPS: [u32; 3] = [LEAVES_PLAIN, LEAVES_FIRST, LEAVES_NODES];
 
 /// Everything that one frame draws of leaves.
 #[derive(Debug, Default)]
 pub struct Leaves {
     /// Vertices of the refined mesh.
     pub vertices: Vec<GpuVertex>,
-    /// Leaves: those of shadow receivers, then those of specular objects by bucket.
+    /// Leaves, by group: shadow receivers are the plain ones.
     pub leaves: Vec<GpuLeaf>,
-    /// Number of leaves of shadow receivers.
-    pub receivers: u32,
-    /// Number of specular leaves of each of [`BUCKETS`].
-    pub buckets: [u32; BUCKETS.len()],
+    /// Number of leaves of each of [`GROUPS`].
+    pub groups: [u32; GROUPS.len()],
     /// Nodes and traced pixels.
     pub nodes: Vec<Texel>,
     /// Leaves of specular objects all of whose paths are shared.
@@ -88,6 +87,7 @@ pub fn base_leaf(scene: &Scene, table: &SceneTable, face: u32) -> GpuLeaf {
         vertices: scene.geometry.faces[face as usize],
         material: table.material(scene.objects[object as usize].material),
         lit: u32::MAX,
+        first_target: NO_TARGET,
         ..GpuLeaf::zeroed()
     }
 }
@@ -123,7 +123,7 @@ pub fn assemble(
                 vertices: corners,
                 material: matcher.table.material(object.material),
                 lit,
-                flags: if object.vt { LEAF_SPECULAR } else { 0 },
+                first_target: NO_TARGET,
                 ..GpuLeaf::zeroed()
             };
             let mut nodes = LeafNodes { defined: true, ..LeafNodes::default() };
@@ -136,6 +136,10 @@ pub fn assemble(
                 });
                 nodes = matcher.leaf(corners, room);
                 leaf.comb = nodes.comb;
+                leaf.flags = nodes.count << LEAF_COUNT_SHIFT;
+                if let Some((target, lit)) = nodes.first {
+                    (leaf.first_target, leaf.first_lit) = (target, lit);
+                }
             }
             if traced_faces.contains(&face) {
                 leaf.flags |= LEAF_TRACED;
@@ -146,10 +150,8 @@ pub fn assemble(
 
     let mut result = Leaves { vertices, ..Leaves::default() };
     let blocks = traced_blocks(view, mesh, traced, &traced_faces);
-    let mut receivers: Vec<GpuLeaf> = Vec::new();
-    let mut by_bucket: [Vec<GpuLeaf>; BUCKETS.len()] = Default::default();
+    let mut groups: [Vec<GpuLeaf>; GROUPS.len()] = Default::default();
     for (&face, (mut leaf, nodes)) in faces.iter().zip(built) {
-        let bucket = BUCKETS.iter().position(|&room| nodes.count <= room).unwrap_or(BUCKETS.len() - 1);
         leaf.nodes = result.nodes.len() as u32;
         if leaf.flags & LEAF_TRACED != 0 {
             match blocks.get(&face) {
@@ -158,23 +160,19 @@ pub fn assemble(
             }
         } else {
             result.nodes.extend(&nodes.texels);
-            // The shader reads as many heads as the bucket has room for.
-            let padding = BUCKETS[bucket] - nodes.count;
-            result.nodes.extend(std::iter::repeat_n([NODE_NONE; 4], padding as usize));
         }
-        if leaf.flags & LEAF_SPECULAR == 0 {
-            receivers.push(leaf);
-        } else {
-            by_bucket[bucket].push(leaf);
-            result.defined += u32::from(nodes.defined);
-            result.undefined += u32::from(!nodes.defined);
+        let base = mesh.faces[face as usize].base;
+        if !scene.is_vt(base) {
+            groups[0].push(leaf);
+            continue;
         }
+        groups[if nodes.count == 0 { 1 } else { 2 }].push(leaf);
+        result.defined += u32::from(nodes.defined);
+        result.undefined += u32::from(!nodes.defined);
         result.overflow += u64::from(nodes.overflow);
     }
-    result.buckets = std::array::from_fn(|bucket| by_bucket[bucket].len() as u32);
-    result.receivers = receivers.len() as u32;
-    result.leaves = receivers;
-    result.leaves.extend(by_bucket.into_iter().flatten());
+    result.groups = std::array::from_fn(|group| groups[group].len() as u32);
+    result.leaves = groups.concat();
     result
 }
 

@@ -1,6 +1,6 @@
 //! The nodes that a leaf owns: paths shared by its corners, heaviest first (design §5).
 
-use glam::Vec3;
+use glam::{Vec3, Vec4};
 
 use super::table::{SceneTable, Texel, floats};
 use crate::constants::*;
@@ -12,7 +12,10 @@ use crate::trace::sample::{Node, slot};
 /// What the corners of a leaf share, and what they do not.
 #[derive(Debug, Clone, Default)]
 pub struct LeafNodes {
-    /// Encoded nodes, heaviest first.
+    /// The patch that the view ray meets after one bounce: its place in the scene table; its lights, a byte a
+    /// corner, with the branch in the top bit.
+    pub first: Option<(u32, u32)>,
+    /// Other nodes, encoded, heaviest first.
     pub texels: Vec<Texel>,
     /// Number of encoded nodes.
     pub count: u32,
@@ -41,9 +44,9 @@ pub struct Matcher<'a> {
     pub targets: &'a Targets,
     /// Where shaders find them.
     pub table: &'a SceneTable,
-    /// Texture references by material, for charts.
+    /// Base colour references by material.
     pub base_textures: &'a [u32],
-    /// Most nodes of a leaf.
+    /// Most paths that a leaf keeps apart.
     pub room: usize,
 }
 
@@ -81,7 +84,6 @@ impl Matcher<'_> {
         for (rank, path) in shared.iter().enumerate() {
             if rank < room {
                 self.encode(&mut leaf, &corners, path.nodes);
-                leaf.count += 1;
             } else {
                 leaf.overflow += 1;
                 self.combine(&mut leaf, &corners, path.nodes.map(Some), Node::radiance);
@@ -119,54 +121,81 @@ impl Matcher<'_> {
         let [first, ..] = nodes;
         let target = &self.targets.targets[first.target as usize];
         let branch = slot(first.first);
+        let lit = (0..3).fold(0, |lit, i| lit | (nodes[i].lit & 0xff) << (8 * i));
+        let single = nodes.iter().all(|node| node.target == first.target);
+        if let (Some(_), true, 1, None) = (&target.patch, single, first.bounces, leaf.first)
+            && self.scene.materials[target.material as usize].emissive_texture.is_none()
+        {
+            leaf.first = Some((self.table.target(first.target), lit | (branch as u32) << 31));
+            return;
+        }
         let throughputs: [Vec3; 3] = std::array::from_fn(|i| {
             before(nodes[i].throughput, corners[i].sample.primary.attenuation[branch])
         });
-        let lit = (0..3).fold(0, |lit, i| lit | (nodes[i].lit & 0xff) << (8 * i));
-        let mut targets: Vec<u32> = nodes.iter().map(|node| node.target).collect();
-        targets.dedup();
-        if targets.len() == 3 && targets[0] == targets[2] {
-            targets.pop();
-        }
         let head = |kind: u32, words: [u32; 3]| {
-            let count = targets.len() as u32;
-            [kind | (branch as u32) << 3 | count << 4 | lit << 8, words[0], words[1], words[2]]
+            [kind | (branch as u32) << 3 | 3 << 4 | lit << 8, words[0], words[1], words[2]]
         };
-        let places: [u32; 3] =
-            std::array::from_fn(|i| targets.get(i).map_or(0, |&target| self.table.target(target)));
-
+        let places: [u32; 3] = nodes.map(|node| self.table.target(node.target));
+        let shades = |nodes: [&Node; 3]| -> [Vec3; 3] {
+            std::array::from_fn(|i| throughputs[i] * nodes[i].local.textured)
+        };
+        let scales: [(f32, f32); 3] =
+            std::array::from_fn(|i| corners[i].distance.map_or((1.0, 1.0), |e| (e / nodes[i].to_branch, e)));
+        let texels = &mut leaf.texels;
         if first.target == ENVIRONMENT {
-            if !matches!(self.scene.background, Background::Environment(_)) {
-                self.combine(leaf, corners, nodes.map(Some), Node::radiance);
-                leaf.texels.push(head(NODE_NONE, [0; 3]));
-            } else if first.bounces == 1 {
-                leaf.texels.push(head(NODE_FIRST_ENVIRONMENT, [0; 3]));
-            } else {
-                leaf.texels.push(head(NODE_ENVIRONMENT, [0; 3]));
-                for (node, throughput) in nodes.iter().zip(throughputs) {
-                    leaf.texels.push(floats(throughput.extend(0.0)));
-                    leaf.texels.push(floats(node.direction.extend(0.0)));
+            match (&self.scene.background, first.bounces) {
+                (Background::Color(_), _) => {
+                    self.combine(leaf, corners, nodes.map(Some), Node::radiance);
+                    return;
+                }
+                (_, 1) => texels.push(head(NODE_FIRST_ENVIRONMENT, [0; 3])),
+                _ => {
+                    texels.push(head(NODE_ENVIRONMENT, [0; 3]));
+                    texels.extend(throughputs.map(|throughput| floats(throughput.extend(1.0))));
+                    texels.extend(nodes.map(|node| floats(node.direction.extend(0.0))));
                 }
             }
-        } else if target.patch.is_none() {
+        } else if !single && first.bounces == 1 || single && first.bounces == 1 && target.patch.is_some() {
+            texels.push(head(NODE_FIRST_PLANES, places));
+        } else if !single {
+            texels.push(head(NODE_PLANES, places));
+            for (throughput, (scale, _)) in throughputs.iter().zip(scales) {
+                texels.push(floats(throughput.extend(scale)));
+            }
+            texels.extend((0..3).map(|i| floats((nodes[i].origin * scales[i].0).extend(0.0))));
+            texels.extend((0..3).map(|i| floats((nodes[i].direction * scales[i].1).extend(0.0))));
+        } else if let Some(patch) = &target.patch {
+            texels.push(head(NODE_PLANE, [self.base_textures[target.material as usize], 0, 0]));
+            for (shade, (scale, _)) in shades(nodes).iter().zip(scales) {
+                texels.push(floats(shade.extend(scale)));
+            }
+            // With O = Σ b e/d o, D = Σ b e r, S = Σ b e/d: s = (k S − N·O) / N·D, u = (G·O + c S + s G·D) / S.
+            let [u, v] = patch.base_uv;
+            let terms: [[f32; 6]; 3] = std::array::from_fn(|i| {
+                let (scale, e) = scales[i];
+                let (origin, direction) = (nodes[i].origin * scale, nodes[i].direction * e);
+                [
+                    patch.distance * scale - patch.normal.dot(origin),
+                    patch.normal.dot(direction),
+                    u.truncate().dot(origin) + u.w * scale,
+                    v.truncate().dot(origin) + v.w * scale,
+                    u.truncate().dot(direction),
+                    v.truncate().dot(direction),
+                ]
+            });
+            texels.extend(terms.map(|t| floats(Vec4::new(t[0], t[1], t[2], t[3]))));
+            texels.extend(terms.map(|t| floats(Vec4::new(t[4], t[5], 0.0, 0.0))));
             self.combine(leaf, corners, nodes.map(Some), |node| node.throughput * node.local.added);
-            leaf.texels.push(head(NODE_CHART, [self.base_textures[target.material as usize], 0, 0]));
-            for ((node, corner), throughput) in nodes.iter().zip(corners).zip(throughputs) {
-                let w = corner.distance.map_or(1.0, |e| e / (e + node.after));
-                leaf.texels.push(floats((throughput * node.local.textured).extend(w)));
-                leaf.texels.push(floats((node.uv * w).extend(w).extend(0.0)));
-            }
-        } else if first.bounces == 1 {
-            leaf.texels.push(head(NODE_FIRST_PLANE, places));
         } else {
-            leaf.texels.push(head(NODE_PLANE, places));
-            for ((node, corner), throughput) in nodes.iter().zip(corners).zip(throughputs) {
-                let (scale, e) = corner.distance.map_or((1.0, 1.0), |e| (e / node.to_branch, e));
-                leaf.texels.push(floats(throughput.extend(scale)));
-                leaf.texels.push(floats((node.origin * scale).extend(0.0)));
-                leaf.texels.push(floats((node.direction * e).extend(0.0)));
+            texels.push(head(NODE_CHART, [self.base_textures[target.material as usize], 0, 0]));
+            texels.extend(shades(nodes).map(|shade| floats(shade.extend(1.0))));
+            for (node, corner) in nodes.iter().zip(corners) {
+                let w = corner.distance.map_or(1.0, |e| e / (e + node.after));
+                texels.push(floats((node.uv * w).extend(w).extend(0.0)));
             }
+            self.combine(leaf, corners, nodes.map(Some), |node| node.throughput * node.local.added);
         }
+        leaf.count += 1;
     }
 }
 

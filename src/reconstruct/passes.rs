@@ -8,7 +8,7 @@ use bytemuck::Pod;
 
 use super::bank::Bank;
 use super::frame_block::FrameBlock;
-use super::leaves::{BUCKETS, GpuLeaf, GpuVertex, Leaves};
+use super::leaves::{GROUPS, GpuLeaf, GpuVertex, Leaves};
 use super::table::{SceneTable, Texel};
 use crate::constants::*;
 use crate::error::Result;
@@ -76,7 +76,7 @@ pub fn color_passes(mode: Mode, equation: Equation) -> &'static [ColorPass] {
 /// What a pipeline is made for.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
 struct PipelineKey {
-    nodes: u32,
+    leaves: u32,
     components: u32,
     blend: PassBlend,
     cull: bool,
@@ -253,12 +253,13 @@ impl Painter {
     /// What the driver says; no device memory left.
     pub fn warm_up(&mut self, block: &FrameBlock, has_leaves: bool) -> Result<()> {
         self.make_target(block.width(), block.height())?;
-        let buckets: &[u32] = if has_leaves { &BUCKETS } else { &[] };
+        let groups: &[u32] = if has_leaves { &GROUPS } else { &[] };
         let mut keys: Vec<PipelineKey> = Vec::new();
         for (index, pass) in self.options.passes.iter().enumerate() {
             let blend = if index == 0 { PassBlend::First } else { PassBlend::Later };
-            keys.extend(buckets.iter().map(|&nodes| PipelineKey {
-                nodes,
+            let drawn = groups.iter().filter(|&&leaves| index == 0 || leaves != LEAVES_PLAIN);
+            keys.extend(drawn.map(|&leaves| PipelineKey {
+                leaves,
                 components: pass.components,
                 blend,
                 cull: false,
@@ -288,15 +289,15 @@ impl Painter {
 
     fn base_key(&self, draw: &BaseDraw) -> PipelineKey {
         PipelineKey {
-            nodes: 0,
+            leaves: LEAVES_PLAIN,
             components: self.options.passes.first().map_or(COMPONENT_PRIMARY, |pass| pass.components),
             blend: if draw.blended { PassBlend::Coverage } else { PassBlend::First },
             cull: draw.cull,
         }
     }
 
-    /// Draws the frame; the leaves are those of the last [`upload`](Self::upload), in `buckets`, of which
-    /// the first `receivers` have no specular part. Returns the device's time of each colour pass.
+    /// Draws the frame; the leaves are those of the last [`upload`](Self::upload). Returns the device's time
+    /// of each colour pass.
     ///
     /// # Errors
     /// No device memory left; a lost device.
@@ -306,7 +307,9 @@ impl Painter {
         let draws = leaves.map_or(Vec::new(), leaf_draws);
         for (index, pass) in passes.iter().enumerate() {
             for draw in &draws {
-                self.pipeline(leaf_key(*pass, index, draw))?;
+                if index == 0 || draw.group != LEAVES_PLAIN {
+                    self.pipeline(leaf_key(*pass, index, draw))?;
+                }
             }
         }
         let base_keys: Vec<PipelineKey> = self.base_draws.iter().map(|draw| self.base_key(draw)).collect();
@@ -324,7 +327,7 @@ impl Painter {
             recording.timed(pass.name, |recording| {
                 target.render(recording, index == 0, |commands| {
                     if let Some(list) = dynamic {
-                        for draw in draws.iter().filter(|draw| index == 0 || draw.specular) {
+                        for draw in draws.iter().filter(|draw| index == 0 || draw.group != LEAVES_PLAIN) {
                             let pipeline = &pipelines[&leaf_key(pass, index, draw)];
                             commands.pipeline(pipeline).set(0, scene_set).set(1, &list.set);
                             commands.draw(3 * draw.leaves.start..3 * draw.leaves.end);
@@ -406,7 +409,7 @@ impl Painter {
         let constants = [
             (0, self.bank.arrays()),
             (1, u32::from(self.options.detail_textures)),
-            (2, key.nodes),
+            (2, key.leaves),
             (3, key.components),
             (4, u32::from(self.options.equation == Equation::Four)),
             (5, self.options.lights),
@@ -434,32 +437,24 @@ impl Painter {
     }
 }
 
-/// Consecutive leaves of one bucket, with or without specular part.
+/// Consecutive leaves of one group.
 struct LeafDraw {
     leaves: std::ops::Range<u32>,
-    nodes: u32,
-    specular: bool,
+    group: u32,
 }
 
 fn leaf_draws(leaves: &Leaves) -> Vec<LeafDraw> {
     let mut start = 0;
-    let mut draws = Vec::new();
-    let mut push = |count: u32, nodes: u32, specular: bool| {
-        if count > 0 {
-            draws.push(LeafDraw { leaves: start..start + count, nodes, specular });
-            start += count;
-        }
-    };
-    push(leaves.receivers, 0, false);
-    for (&count, nodes) in leaves.buckets.iter().zip(BUCKETS) {
-        push(count, nodes, true);
-    }
-    draws
+    let ranges = leaves.groups.iter().zip(GROUPS).map(|(&count, group)| {
+        start += count;
+        LeafDraw { leaves: start - count..start, group }
+    });
+    ranges.filter(|draw| !draw.leaves.is_empty()).collect()
 }
 
 fn leaf_key(pass: ColorPass, index: usize, draw: &LeafDraw) -> PipelineKey {
     PipelineKey {
-        nodes: draw.nodes,
+        leaves: draw.group,
         components: pass.components,
         blend: if index == 0 { PassBlend::First } else { PassBlend::Later },
         cull: false,

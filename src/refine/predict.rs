@@ -104,7 +104,6 @@ impl Predictor<'_> {
     fn exact(&self, node: &Node, ends: [&Node; 2], distances: [f32; 2]) -> (f32, f32) {
         let structure = self.structure(node.target);
         let [a, b] = ends;
-        let throughput = (a.throughput + b.throughput) * 0.5;
         let lit_differs = a.lit != b.lit || a.lit != node.lit;
         if a.target != b.target || a.target != node.target {
             return if self.nearest_candidate(ends, distances) == Some(node.target) {
@@ -114,27 +113,24 @@ impl Predictor<'_> {
             };
         }
         let patch = self.targets.targets[node.target as usize].patch.as_ref();
-        let (uv, local, shift) = match patch {
+        let (uv, shift) = match patch {
+            // Lit per fragment, unless a shadow's border runs between the ends.
+            Some(_) if node.bounces == 1 && !lit_differs => return (0.0, 0.0),
+            Some(_) if node.bounces == 1 => (node.uv, 0.0),
             Some(patch) => {
-                let local =
-                    if lit_differs { (a.local.textured + b.local.textured) * 0.5 } else { node.local.textured };
-                if node.bounces == 1 {
-                    (node.uv, local, 0.0)
-                } else {
-                    let hit = bundle(patch, ends, distances).unwrap_or(Vec3::INFINITY);
-                    (patch.uv(hit), local, relative_shift(hit, node, ends))
-                }
+                let hit = bundle(patch, ends, distances).unwrap_or(Vec3::INFINITY);
+                (patch.uv(hit), relative_shift(hit, node, ends))
             }
-            None if node.target == ENVIRONMENT => (node.uv, node.local.textured, 0.0),
+            None if node.target == ENVIRONMENT => (node.uv, 0.0),
             None => {
                 let w = [0, 1].map(|i| distances[i] / (distances[i] + ends[i].after));
                 let uv = (a.uv * w[0] + b.uv * w[1]) / (w[0] + w[1]);
-                let local = (a.local.textured + b.local.textured) * 0.5;
-                (uv, local, uv_shift(uv, node.uv, [a.uv, b.uv]))
+                (uv, uv_shift(uv, node.uv, [a.uv, b.uv]))
             }
         };
+        let shade = (a.throughput * a.local.textured + b.throughput * b.local.textured) * 0.5;
         let added = mean_square(node.throughput * node.local.added - throughput_added(ends));
-        let tint = mean_square(node.throughput * node.local.textured - throughput * local) * structure.mean_square;
+        let tint = mean_square(node.throughput * node.local.textured - shade) * structure.mean_square;
         let slide =
             mean_square(node.throughput * node.local.textured) * structure.displaced(uv - node.uv);
         (tint + slide + added, shift)

@@ -32,7 +32,7 @@ pub fn load(path: &Path) -> Result<Environment> {
     if !matches!(reader.format(), Some(ImageFormat::Hdr | ImageFormat::OpenExr)) {
         return Err(refuse("neither Radiance HDR nor OpenEXR; convert the panorama to .hdr or .exr".into()));
     }
-    let mut decoder = reader.into_decoder().map_err(|error| refuse(error.to_string()))?;
+    let mut decoder = reader.into_decoder().map_err(|error| refuse(one_line(&error)))?;
     let (width, height) = decoder.dimensions();
     let texels = u64::from(width) * u64::from(height);
     if texels == 0 || texels > MAX_TEXELS {
@@ -42,12 +42,17 @@ pub fn load(path: &Path) -> Result<Environment> {
     }
     let mut caps = image::Limits::no_limits();
     caps.max_alloc = Some(64 * texels + (64 << 20));
-    decoder.set_limits(caps).map_err(|error| refuse(error.to_string()))?;
-    let decoded = image::DynamicImage::from_decoder(decoder).map_err(|error| refuse(error.to_string()))?;
+    decoder.set_limits(caps).map_err(|error| refuse(one_line(&error)))?;
+    let decoded = image::DynamicImage::from_decoder(decoder).map_err(|error| refuse(one_line(&error)))?;
     let radiance =
         decoded.into_rgb32f().pixels().map(|texel| representable(Vec3::from_array(texel.0))).collect();
     let name = path.file_name().map_or_else(String::new, |name| name.to_string_lossy().into_owned());
     Ok(Environment { name, width, height, radiance })
+}
+
+/// A decoder's complaint; some span several lines.
+fn one_line(error: &image::ImageError) -> String {
+    error.to_string().split_whitespace().collect::<Vec<_>>().join(" ")
 }
 
 fn representable(radiance: Vec3) -> Vec3 {

@@ -2,7 +2,7 @@
 
 use glam::{Affine3A, Vec3};
 
-use super::set::{Room, lamp};
+use super::set::{Room, frame, lamp};
 use super::shape::{plane, sphere as ball};
 use super::{SceneBuilder, chrome, glass, matte, texture, vessel};
 use crate::scene::{Camera, Material, Volume};
@@ -76,7 +76,7 @@ fn mirror_hall(scene: &mut SceneBuilder, height: f32, lean: f32) {
         * Affine3A::from_rotation_y(std::f32::consts::FRAC_PI_2);
     scene
         .mesh("mirror", plane(Vec3::ZERO, Vec3::X * width, Vec3::Y * height, 1.0).transformed(place), silver)
-        .mesh("frame", vessel::frame(width, height, 0.07, 0.04).transformed(place), oak);
+        .mesh("frame", frame(width, height, 0.07, 0.04).transformed(place), oak);
     light(scene);
 }
 
@@ -138,6 +138,7 @@ fn light(scene: &mut SceneBuilder) {
     scene.point_light(Vec3::new(-0.4, 2.2, 4.2), Vec3::splat(9.0));
 }
 
+/// k_r = base colour × metallic, about 0.6; the quarter that is not metallic shades diffusely.
 fn polished_steel() -> Material {
     Material { metallic: 0.75, ..chrome("polished steel", Vec3::new(0.80, 0.78, 0.75)) }
 }

@@ -1,8 +1,8 @@
-//! What demo scenes share: a closed room, its lamp and the materials of its walls.
+//! What demo scenes are furnished with: a closed room, its lamps, a picture frame.
 
-use glam::Vec3;
+use glam::{Vec2, Vec3};
 
-use super::shape::plane;
+use super::shape::{cuboid, plane};
 use super::{MaterialId, Mesh, SceneBuilder, matte};
 use crate::scene::Material;
 
@@ -75,4 +75,31 @@ pub fn lamp(scene: &mut SceneBuilder, name: &str, centre: Vec3, size: (f32, f32)
     let corner = centre - Vec3::new(size.0, 0.0, size.1) * 0.5;
     scene.mesh(format!("{name} panel"), plane(corner, Vec3::X * size.0, Vec3::Z * size.1, 1.0), panel);
     scene.point_light(centre - Vec3::Y * 0.05, intensity);
+}
+
+/// A picture frame of four bars about the rectangle (`width`, `height`) in the plane z = 0, its lower
+/// left corner at the origin; the bars reach from `-thickness` to `thickness` in z.
+pub fn frame(width: f32, height: f32, bar: f32, thickness: f32) -> Mesh {
+    let beam = |low: Vec2, high: Vec2| cuboid(low.extend(-thickness), high.extend(thickness), 1.0);
+    // The upright bars stand between the others: bars touch, they do not overlap.
+    beam(Vec2::new(-bar, -bar), Vec2::new(width + bar, 0.0))
+        .merged(&beam(Vec2::new(-bar, height), Vec2::new(width + bar, height + bar)))
+        .merged(&beam(Vec2::new(-bar, 0.0), Vec2::new(0.0, height)))
+        .merged(&beam(Vec2::new(width, 0.0), Vec2::new(width + bar, height)))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn rooms_and_frames_are_closed() {
+        let room = Room { low: Vec3::new(-0.7, 0.1, -1.3), high: Vec3::new(1.1, 2.3, 0.9) };
+        let shell = room.floor(1.0).merged(&room.back(1.0)).merged(&room.sides(1.0)).merged(&room.ceiling());
+        assert!(shell.is_closed());
+        assert!((shell.volume() + 1.8 * 2.2 * 2.2).abs() < 1e-5, "it looks inward: {}", shell.volume());
+        let bars = frame(2.0, 1.0, 0.1, 0.05);
+        assert!(bars.is_closed());
+        assert!((bars.volume() - (2.2 * 1.2 - 2.0) * 0.1).abs() < 1e-5, "{}", bars.volume());
+    }
 }

@@ -6,7 +6,6 @@
 use glam::Vec2;
 
 use super::Mesh;
-use super::shape::cuboid;
 use super::sweep::{Curve, Uv, revolve, tube};
 
 /// A cup of height 1.2 and radius 0.64 with its handle on +x, about 2,400 faces.
@@ -68,17 +67,6 @@ pub fn bowl() -> Mesh {
     revolve(&profile, 44, Uv::None)
 }
 
-/// A picture-frame of four bars about the rectangle (`width`, `height`) in the plane z = 0, its lower
-/// left corner at the origin; the bars reach from `-thickness` to `thickness` in z.
-pub fn frame(width: f32, height: f32, bar: f32, thickness: f32) -> Mesh {
-    let beam = |low: Vec2, high: Vec2| cuboid(low.extend(-thickness), high.extend(thickness), 1.0);
-    // The upright bars stand between the others: bars touch, they do not overlap.
-    beam(Vec2::new(-bar, -bar), Vec2::new(width + bar, 0.0))
-        .merged(&beam(Vec2::new(-bar, height), Vec2::new(width + bar, height + bar)))
-        .merged(&beam(Vec2::new(-bar, 0.0), Vec2::new(0.0, height)))
-        .merged(&beam(Vec2::new(width, 0.0), Vec2::new(width + bar, height)))
-}
-
 #[cfg(test)]
 mod tests {
     use glam::Vec3;
@@ -104,7 +92,6 @@ mod tests {
             ("cup handle", cup_handle()),
             ("glass", wine_glass()),
             ("bowl", bowl()),
-            ("frame", frame(2.0, 1.0, 0.1, 0.05).translated(Vec3::Y * 0.11)),
         ] {
             assert!(mesh.is_closed(), "{name}");
             assert!(mesh.volume() > 0.005, "{name} is inside out: {}", mesh.volume());

@@ -14,6 +14,8 @@ pub struct Buffers<'a>(Vec<Cow<'a, [u8]>>);
 impl<'a> Buffers<'a> {
     /// Reads every buffer; `bin` is the binary chunk, which buffer 0 may be.
     pub fn load(root: &Root, bin: Option<&'a [u8]>, resolver: &Resolver, file: &Path) -> Result<Self> {
+        let mut viewed = vec![false; root.buffers.len()];
+        root.buffer_views.iter().for_each(|view| viewed[view.buffer.value()] = true);
         let mut buffers = Vec::with_capacity(root.buffers.len());
         for (index, buffer) in root.buffers.iter().enumerate() {
             let refuse = |problem: String| Error::scene(file, format!("buffers[{index}]"), problem);
@@ -21,7 +23,7 @@ impl<'a> Buffers<'a> {
                 (Some(uri), _) => Cow::Owned(resolver.read(uri).map_err(refuse)?),
                 (None, Some(bin)) if index == 0 => Cow::Borrowed(bin),
                 // A placeholder for an extension that fills it, such as the fallback of EXT_meshopt_compression.
-                (None, _) if buffer.extensions.is_some() && !is_viewed(root, index) => {
+                (None, _) if buffer.extensions.is_some() && !viewed[index] => {
                     buffers.push(Cow::Borrowed(&[][..]));
                     continue;
                 }
@@ -42,8 +44,4 @@ impl<'a> Buffers<'a> {
         let start = view.byte_offset.map_or(0, |offset| offset.0) as usize;
         &self.0[view.buffer.value()][start..start + view.byte_length.0 as usize]
     }
-}
-
-fn is_viewed(root: &Root, buffer: usize) -> bool {
-    root.buffer_views.iter().any(|view| view.buffer.value() == buffer)
 }

@@ -18,6 +18,9 @@ use crate::scene::Image;
 /// Longest side of an image; what Vulkan devices commonly allow.
 const MAX_SIDE: u32 = 16384;
 
+/// Encoded bytes of unused images that are looked at.
+const MAX_UNUSED_BYTES: u64 = 1 << 30;
+
 /// Decodes the images `used`, in their order, and opens all others.
 pub fn load(
     root: &Root,
@@ -29,11 +32,16 @@ pub fn load(
 ) -> Result<Vec<Image>> {
     check_unused(root, used, buffers, resolver, file)?;
     let mut spent = 0_u64;
+    let mut encoded_left = limits.max_file_bytes;
     let mut images = Vec::with_capacity(used.len());
     for &index in used {
         let source = &root.images[index];
         let refuse = |problem: String| Error::scene(file, format!("images[{index}]"), problem);
         let bytes = encoded(root, source, buffers, resolver).map_err(refuse)?;
+        // Images may lie over the same bytes, which some decoders read to the end every time.
+        encoded_left = encoded_left
+            .checked_sub(bytes.len() as u64)
+            .ok_or_else(|| refuse("too many bytes of encoded images in all; share images".into()))?;
         let (width, height, rgba) =
             decode(&bytes, limits.max_texture_bytes.saturating_sub(spent)).map_err(refuse)?;
         spent += rgba.len() as u64;
@@ -61,16 +69,9 @@ fn decode(bytes: &[u8], budget: u64) -> std::result::Result<(u32, u32, Arc<[u8]>
     }
     let mut caps = image::Limits::no_limits();
     caps.max_alloc = Some(raw + (64 << 20));
-    decoder.set_limits(caps).map_err(|error| error.to_string())?;
-    let decoded = DynamicImage::from_decoder(decoder).map_err(|error| error.to_string())?;
+    decoder.set_limits(caps).map_err(one_line)?;
+    let decoded = DynamicImage::from_decoder(decoder).map_err(one_line)?;
     Ok((width, height, decoded.into_rgba8().into_raw().into()))
-}
-
-fn supported_format(bytes: &[u8]) -> Option<ImageFormat> {
-    // By content: names and MIME types are often wrong.
-    image::guess_format(bytes)
-        .ok()
-        .filter(|format| matches!(format, ImageFormat::Png | ImageFormat::Jpeg | ImageFormat::WebP))
 }
 
 /// Every image must be there and have the header of one, used or not, unless only an extension knows it.
@@ -86,9 +87,13 @@ fn check_unused(
     let mut wanted = vec![no_extensions; root.images.len()];
     root.textures.iter().filter_map(|texture| image_of(root, texture)).for_each(|index| wanted[index] = true);
     used.iter().for_each(|&index| wanted[index] = false);
+    let mut bytes_left = MAX_UNUSED_BYTES;
     for (index, source) in root.images.iter().enumerate().filter(|(index, _)| wanted[*index]) {
         let refuse = |problem: String| Error::scene(file, format!("images[{index}]"), problem);
-        open(&encoded(root, source, buffers, resolver).map_err(refuse)?).map_err(refuse)?;
+        let bytes = encoded(root, source, buffers, resolver).map_err(refuse)?;
+        let Some(rest) = bytes_left.checked_sub(bytes.len() as u64) else { break };
+        bytes_left = rest;
+        open(&bytes).map_err(refuse)?;
     }
     Ok(())
 }
@@ -113,7 +118,12 @@ fn open(bytes: &[u8]) -> std::result::Result<impl ImageDecoder, String> {
     let format = image::guess_format(bytes).ok();
     let format = format.filter(|it| matches!(it, ImageFormat::Png | ImageFormat::Jpeg | ImageFormat::WebP));
     let format = format.ok_or("not a PNG, JPEG or WebP image")?;
-    ImageReader::with_format(Cursor::new(bytes), format).into_decoder().map_err(|error| error.to_string())
+    ImageReader::with_format(Cursor::new(bytes), format).into_decoder().map_err(one_line)
+}
+
+/// A decoder's complaint; some span several lines.
+fn one_line(error: image::ImageError) -> String {
+    error.to_string().split_whitespace().collect::<Vec<_>>().join(" ")
 }
 
 fn name(source: &Source, index: usize) -> String {

@@ -17,7 +17,7 @@ use super::materials::MaterialMap;
 use super::nodes::Nodes;
 use super::notes::Notes;
 use super::piece::{Attributes, Piece};
-use super::triangles;
+use super::{tangents, triangles};
 use crate::error::{Error, Result};
 use crate::scene::{Geometry, Material, Object};
 
@@ -173,6 +173,7 @@ pub fn assemble(
     let origin = reading.centre(parts, &skins)?;
     let mut assembly =
         Assembly { origin, geometry: Geometry::default(), objects: Vec::new(), nodes: Vec::new() };
+    let mut effort_left = tangents::MAX_EFFORT;
     for part in &parts.list {
         let primitive = part.primitive(root);
         let material = material_of[&part.material(root)];
@@ -206,7 +207,12 @@ pub fn assemble(
         }
         let attributes = Attributes::of(root, reading.buffers, primitive);
         if let Some(slot) = materials[material as usize].normal_texture {
-            piece.orient(&vertices, &attributes, slot).map_err(bad_joint)?;
+            let made = piece.orient(&vertices, &attributes, slot, &mut effort_left).map_err(bad_joint)?;
+            if !made {
+                reading.notes.add("tangents", || {
+                    format!("{name}: too many faces at one vertex to make tangents: its normal map may look turned")
+                });
+            }
         }
         let repaired = piece.append(&mut assembly.geometry, &attributes, assembly.objects.len() as u32);
         if repaired > 0 {

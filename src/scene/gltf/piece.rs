@@ -119,20 +119,29 @@ impl Piece {
     }
 
     /// Gives every vertex a tangent for the normal map in `slot`, splitting vertices where it is mirrored.
+    ///
+    /// `effort_left` is what may be spent on making tangents; returns false if that was not enough, and
+    /// tangents of no particular direction were given.
     pub fn orient(
         &mut self,
         vertices: &Vertices,
         attributes: &Attributes,
         slot: TextureSlot,
-    ) -> Result<(), u32> {
+        effort_left: &mut u64,
+    ) -> Result<bool, u32> {
         if vertices.has_tangents() {
-            for (position, &source) in self.sources.iter().enumerate() {
+            for (&source, &normal) in self.sources.iter().zip(&self.normals) {
                 let frame = vertices.frame(source as usize)?;
                 let tangent = vertices.tangent(source as usize, &frame);
-                self.tangents.push(tangent.unwrap_or_else(|| tangents::any_tangent(self.normals[position])));
+                self.tangents.push(tangent.unwrap_or_else(|| tangents::any_tangent(normal)));
             }
-            return Ok(());
+            return Ok(true);
         }
+        let Some(rest) = effort_left.checked_sub(tangents::effort(&self.positions, &self.faces)) else {
+            self.tangents = self.normals.iter().map(|&normal| tangents::any_tangent(normal)).collect();
+            return Ok(false);
+        };
+        *effort_left = rest;
         let uv = |&source: &u32| finite(slot.transform(attributes.uv(slot.uv_set, source)));
         let uvs: Vec<Vec2> = self.sources.iter().map(uv).collect();
         let corners = tangents::generate(&self.positions, &self.normals, &uvs, &self.faces);
@@ -150,7 +159,7 @@ impl Piece {
         }
         self.select(&kept);
         self.tangents = split;
-        Ok(())
+        Ok(true)
     }
 
     /// Appends the piece to `geometry` as object `object`; returns how many attribute values it repaired.

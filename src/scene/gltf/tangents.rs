@@ -1,5 +1,7 @@
 //! Tangents for normal-mapped faces whose mesh brings none, by MikkTSpace, as glTF 2.0 §3.7.2.1 asks.
 
+use std::collections::HashMap;
+
 use bevy_mikktspace::{Geometry, TangentSpace, generate_tangents};
 use glam::{Vec2, Vec3, Vec4};
 
@@ -9,6 +11,19 @@ struct Corners<'a> {
     uvs: &'a [Vec2],
     faces: &'a [[u32; 3]],
     tangents: Vec<[Vec4; 3]>,
+}
+
+/// Work that may be spent on the tangents of one file, in the unit of [`effort`]: a few seconds.
+pub const MAX_EFFORT: u64 = 500_000_000;
+
+/// A bound on the work of [`generate`]: it compares the faces at a vertex pair by pair.
+pub fn effort(positions: &[Vec3], faces: &[[u32; 3]]) -> u64 {
+    let mut valence: HashMap<[u32; 3], u64> = HashMap::new();
+    for &vertex in faces.iter().flatten() {
+        // Vertices are welded by place, whatever their numbers are.
+        *valence.entry(positions[vertex as usize].to_array().map(f32::to_bits)).or_default() += 1;
+    }
+    valence.values().fold(0, |sum, faces| sum.saturating_add(faces * faces))
 }
 
 /// A tangent and its handedness for each corner of each face: corners of one vertex may differ, where the

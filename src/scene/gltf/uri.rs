@@ -6,6 +6,9 @@ use std::path::{Component, Path, PathBuf};
 
 use super::container::{open_regular, read_capped};
 
+/// Bytes that a file counts for at least: opening a million empty ones takes its time, too.
+const LEAST_COST: u64 = 16 << 10;
+
 /// Reads what URIs of one file name, within one budget of bytes.
 ///
 /// All failures are texts for the caller to attach to the object that held the URI.
@@ -30,7 +33,8 @@ impl Resolver {
         let (mut file, path) = self.open(uri)?;
         let bytes = read_capped(&mut file, self.bytes_left.get())
             .map_err(|error| format!("{}: {error}", path.display()))?;
-        self.bytes_left.set(self.bytes_left.get() - bytes.len() as u64);
+        let cost = (bytes.len() as u64).max(LEAST_COST);
+        self.bytes_left.set(self.bytes_left.get().saturating_sub(cost));
         Ok(bytes)
     }
 

@@ -135,7 +135,7 @@ fn crate_rules(root: &Root, notes: &Notes) -> Result<(), Refusal> {
             }
             Fault::Invalid => {
                 [".min", ".max"].iter().any(|end| path.ends_with(end))
-                    || (path.contains("KHR_lights_punctual") && path.ends_with(".type"))
+                    || (path.starts_with("extensions.khrLightsPunctual") && path.ends_with(".type"))
             }
             _ => false,
         };
