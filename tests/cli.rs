@@ -166,6 +166,7 @@ fn reference_writes_image_and_stats() {
     assert_eq!(stats["image"]["width"], 64);
     assert_eq!(stats["rays"]["primary"], 64 * 48);
     assert_eq!(stats["options"]["spp"], 1);
+    assert!(text(&output.stdout).contains("\"roughness_threshold\": 0.1,"), "shortest digits");
     let image = FloatImage::read(&place.path("out.pfm")).unwrap();
     assert_eq!((image.width, image.height), (64, 48));
     assert!(image.pixels.iter().any(|pixel| pixel[0] > 0.0), "a black picture");
@@ -174,6 +175,19 @@ fn reference_writes_image_and_stats() {
     assert!(text(&output.stdout).contains("image    64x48"), "{}", text(&output.stdout));
     let file: serde_json::Value = serde_json::from_slice(&fs::read(place.path("s.json")).unwrap()).unwrap();
     assert_eq!(file["rays"], stats["rays"], "the same rays whatever the number of threads");
+}
+
+#[test]
+fn devices_are_listed_or_missed() {
+    let output = run(&["devices"]);
+    assert_eq!(output.status.code(), Some(0), "{}; to install one: make setup", text(&output.stderr));
+    assert!(text(&output.stdout).contains("): can serve\n"), "{}", text(&output.stdout));
+
+    let output = vtrace().arg("devices").env("VK_DRIVER_FILES", "/nonexistent.json").output().unwrap();
+    let stderr = text(&output.stderr);
+    assert_eq!(output.status.code(), Some(1), "{stderr}");
+    assert!(stderr.starts_with("error: ") && stderr.contains("mesa-vulkan-drivers"), "{stderr}");
+    assert_eq!(stderr.lines().count(), 1, "{stderr}");
 }
 
 #[test]

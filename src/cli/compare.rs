@@ -7,7 +7,7 @@ use clap::Args;
 use super::terminal;
 use crate::{
     error::Result,
-    report::{Comparison, Encoding, FloatImage, compare},
+    report::{Comparison, Encoding, FloatImage, compare, output::to_json},
 };
 
 /// Measure the difference between two images (PNG, JPEG, HDR, EXR or PFM)
@@ -42,7 +42,7 @@ pub(super) fn run(args: &CompareArgs) -> Result<()> {
     let encoding = if args.linear { Encoding::Linear } else { Encoding::Srgb };
     let comparison = compare(&reference, &image, mask.as_deref(), encoding)?;
     if args.json {
-        return terminal::print(&format!("{:#}\n", serde_json::json!(comparison)));
+        return terminal::print(&to_json(&comparison)?);
     }
     terminal::print(&in_words(&comparison))
 }

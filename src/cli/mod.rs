@@ -5,8 +5,10 @@
 
 pub mod args;
 mod compare;
+mod devices;
 pub mod output;
 mod reference;
+pub mod render;
 mod scene;
 mod terminal;
 pub mod values;
@@ -30,6 +32,7 @@ pub struct Cli {
 enum Command {
     Reference(Box<reference::ReferenceArgs>),
     Compare(compare::CompareArgs),
+    Devices(devices::DevicesArgs),
 }
 
 /// Why a command did not do its work.
@@ -70,6 +73,7 @@ pub fn main() -> ExitCode {
         match cli.command {
             Command::Reference(args) => reference::run(&args)?,
             Command::Compare(args) => compare::run(&args)?,
+            Command::Devices(args) => devices::run(&args)?,
         }
         Ok(())
     });

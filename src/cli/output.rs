@@ -9,7 +9,7 @@ use crate::{
     error::Result,
     report::{
         FloatImage, Stats,
-        output::{Format, check_writable, write_file, write_image},
+        output::{Format, check_writable, to_json, write_file, write_image},
     },
 };
 
@@ -42,7 +42,7 @@ impl OutputArgs {
         if let Some(image) = image.filter(|_| self.exposure != 0.0)
             && Format::of(image)? != Format::Png
         {
-            log::warn!("{}: --exposure does not apply, only PNG is exposed", image.display());
+            terminal::note(&format!("{}: --exposure does not apply, only PNG is exposed", image.display()));
         }
         Ok(())
     }
@@ -55,10 +55,9 @@ impl OutputArgs {
         if let Some(file) = file {
             write_image(file, image, self.exposure)?;
         }
-        let json = format!("{:#}\n", serde_json::json!(stats));
         match &self.stats {
-            Some(_) if self.stats_on_stdout() => return terminal::print(&json),
-            Some(path) => write_file(path, json.as_bytes())?,
+            Some(_) if self.stats_on_stdout() => return terminal::print(&to_json(stats)?),
+            Some(path) => write_file(path, to_json(stats)?.as_bytes())?,
             None => {}
         }
         let written = file.map_or(String::new(), |file| format!("wrote    {}\n", file.display()));

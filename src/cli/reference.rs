@@ -14,7 +14,7 @@ use crate::{
     options::ReferenceOptions,
     report::{
         FloatImage, Stats,
-        stats::{ImageStats, Rays, SceneStats, Times},
+        stats::{ImageStats, Rays, SceneStats, Times, UsedOptions},
     },
     trace::{Settings, Tracer, reference},
 };
@@ -96,7 +96,7 @@ pub(super) fn run(args: &ReferenceArgs) -> Result<(), Failure> {
         },
         time_ms: Times { load, bvh, trace: traced.time_ms, frame: traced.time_ms, ..Times::default() },
         notes: scene.notes.clone(),
-        options: serde_json::json!(options),
+        options: Some(UsedOptions::Reference(Box::new(options))),
         ..Stats::default()
     };
     let image = FloatImage { width: view.width, height: view.height, pixels: traced.image };

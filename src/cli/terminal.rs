@@ -15,9 +15,10 @@ use indicatif::{ProgressBar, ProgressStyle};
 
 use crate::error::{Error, Result};
 
-/// Routes log messages and panics to stderr, one line each.
+/// Routes log messages and panics to stderr, one line each; of the former only errors, unless RUST_LOG says
+/// otherwise: drivers and loaders warn of much that is no concern of the user.
 pub fn prepare() {
-    env_logger::Builder::from_env(env_logger::Env::default().default_filter_or("warn"))
+    env_logger::Builder::from_env(env_logger::Env::default().default_filter_or("error"))
         .format(|out, record| writeln!(out, "{}: {}", record.level().as_str().to_lowercase(), record.args()))
         .init();
     panic::set_hook(Box::new(|info| {
@@ -65,7 +66,7 @@ pub fn interrupt() -> Arc<AtomicBool> {
         }
     };
     if let Err(error) = ctrlc::set_handler(handler) {
-        log::warn!("Ctrl-C will end the program without cleaning up: {error}");
+        note(&format!("Ctrl-C will end the program without cleaning up: {error}"));
     }
     flag
 }

@@ -7,6 +7,7 @@ use std::{
 };
 
 use image::{ExtendedColorType, ImageFormat};
+use serde::Serialize;
 
 use super::{FloatImage, image::srgb_encode, pfm};
 use crate::error::{Error, Result};
@@ -81,6 +82,15 @@ fn encode(
     image::write_buffer_with_format(&mut file, bytes, image.width, image.height, color, format)
         .map_err(|error| Error::Image { path: path.into(), problem: error.to_string() })?;
     Ok(file.into_inner())
+}
+
+/// `value` as JSON for people: indented, in the order of its fields, with a line break at the end.
+///
+/// # Errors
+/// [`Error::Option`] if it holds what JSON cannot, such as a path that is not Unicode.
+pub fn to_json(value: &impl Serialize) -> Result<String> {
+    let text = serde_json::to_string_pretty(value);
+    Ok(text.map_err(|error| Error::Option(format!("cannot be written as JSON: {error}")))? + "\n")
 }
 
 /// Writes `bytes` beside `path` and renames: the file appears whole or not at all.

@@ -6,7 +6,10 @@ use std::fmt;
 
 use serde::Serialize;
 
-use crate::scene::Scene;
+use crate::{
+    options::{Options, ReferenceOptions},
+    scene::Scene,
+};
 
 /// Counts and times of one picture, by `vtrace render` or `vtrace reference`.
 #[derive(Debug, Clone, Default, Serialize)]
@@ -38,9 +41,19 @@ pub struct Stats {
     /// What was ignored, repaired or replaced while loading, one line each.
     pub notes: Vec<String>,
     /// The options that were in force.
-    pub options: serde_json::Value,
+    pub options: Option<UsedOptions>,
     /// What drew the picture.
     pub device: Device,
+}
+
+/// The options of either command.
+#[derive(Debug, Clone, Serialize)]
+#[serde(untagged)]
+pub enum UsedOptions {
+    /// Of `vtrace render`.
+    Render(Box<Options>),
+    /// Of `vtrace reference`.
+    Reference(Box<ReferenceOptions>),
 }
 
 /// Size of the scene.
