@@ -90,7 +90,7 @@ impl<'s> Renderer<'s> {
             None
         };
         let mut uploads = Uploads::new(gpu, "texture uploads", TEXTURE_STAGING)?;
-        let bank = Bank::new(gpu, &mut uploads, scene, &plan.textures, options.method.filter)?;
+        let bank = Bank::new(&mut uploads, scene, &plan.textures, options.method.filter)?;
         let table = SceneTable::new(scene, &targets, &bank, options.scene.fresnel);
         let base_textures = scene.materials.iter().map(|m| bank.reference(m.base_color_texture)).collect();
         let base = base_faces(scene, &table, traced.as_ref().map(|traced| traced.classes.as_slice()));
@@ -186,7 +186,7 @@ impl<'s> Renderer<'s> {
             time_ms: stats::Times { bvh: self.bvh_ms, ..stats::Times::default() },
             left_out: self.plan.left_out.clone(),
             notes: scene.notes.iter().chain(&self.painter.bank().notes).cloned().collect(),
-            options: serde_json::to_value(&self.options).unwrap_or_default(),
+            options: Some(stats::UsedOptions::Render(Box::new(self.options.clone()))),
             device: stats::Device { name: Some(info.name.clone()), driver: Some(info.driver.clone()) },
             ..Stats::default()
         }
