@@ -3,15 +3,17 @@
 use std::sync::Arc;
 use std::time::Instant;
 
-use crate::constants::MAX_LIGHTS;
+use crate::constants::{COMPONENT_PRIMARY, MAX_LIGHTS};
 use crate::error::Result;
 use crate::gpu::{Gpu, Uploads};
-use crate::options::{Msaa, Options, Ss};
+use crate::options::{Msaa, Options, Reconstruction, Ss};
 use crate::plan::Plan;
 use crate::reconstruct::bank::Bank;
 use crate::reconstruct::frame_block::FrameBlock;
-use crate::reconstruct::leaves::{self, Leaves};
+use crate::reconstruct::drawn::Drawn;
+use crate::reconstruct::leaves;
 use crate::reconstruct::nodes::Matcher;
+use crate::reconstruct::paper;
 use crate::reconstruct::passes::{BaseDraw, BaseFaces, Painter, PassOptions};
 use crate::reconstruct::table::SceneTable;
 use crate::refine::mesh::Mesh;
@@ -95,6 +97,7 @@ impl<'s> Renderer<'s> {
         let base_textures = scene.materials.iter().map(|m| bank.reference(m.base_color_texture)).collect();
         let base = base_faces(scene, &table, traced.as_ref().map(|traced| traced.classes.as_slice()));
         let pass_options = PassOptions {
+            reconstruction: options.method.reconstruction,
             passes: plan.passes.clone(),
             equation: options.method.equation,
             samples: if options.method.msaa == Msaa::Four { 4 } else { 1 },
@@ -164,11 +167,15 @@ impl<'s> Renderer<'s> {
         }
         stats.time_ms.upload = ms(time);
         let time = Instant::now();
-        let timings = self.painter.draw(&block, leaves.as_ref())?;
+        let (passes, nothing) = self.plan.passes_for(leaves.as_ref().map_or(COMPONENT_PRIMARY, Drawn::components));
+        stats.left_out.extend(nothing);
+        let drawings = self.painter.draw(&block, leaves.as_ref(), &passes)?;
         stats.time_ms.draw = ms(time);
         stats.time_ms.frame = ms(started);
-        stats.passes =
-            timings.into_iter().map(|timing| stats::Pass { name: timing.name.into(), ms: timing.ms }).collect();
+        stats.passes = drawings
+            .into_iter()
+            .map(|drawing| stats::Pass { name: drawing.name.into(), ms: drawing.ms, draws: drawing.draws.into() })
+            .collect();
         Ok(Frame { image: self.painter.read_image()?, stats })
     }
 
@@ -201,7 +208,7 @@ fn sample(
     options: &Options,
     view: &View,
     stats: &mut Stats,
-) -> Result<Leaves> {
+) -> Result<Drawn> {
     let scene = matcher.scene;
     let Traced { tracer, topology, structures, adjacency, classes, visibility } = traced;
     let targets = matcher.targets;
@@ -231,8 +238,23 @@ fn sample(
     stats.time_ms.trace = refiner.samples.time.as_secs_f64() * 1e3 + pixels_ms;
 
     let time = Instant::now();
-    let leaves =
-        leaves::assemble(matcher, view, &refiner.mesh, &refiner.samples, &traced_pixels, &refiner.pixel_faces);
+    let leaves = match options.method.reconstruction {
+        Reconstruction::Exact => Drawn::Exact(leaves::assemble(
+            matcher,
+            view,
+            &refiner.mesh,
+            &refiner.samples,
+            &traced_pixels,
+            &refiner.pixel_faces,
+        )),
+        Reconstruction::Paper => Drawn::Paper(paper::assemble(
+            scene,
+            targets,
+            matcher.base_textures,
+            &refiner.mesh,
+            &refiner.samples,
+        )),
+    };
     stats.time_ms.refine = refined - refiner.samples.time.as_secs_f64() * 1e3 + ms(time);
 
     stats.samples = refiner.samples.len() as u64;
@@ -246,9 +268,9 @@ fn sample(
         StoppedBy::Preview => stats::StoppedBy::Preview,
     });
     stats.predicted_error = Some(f64::from(predicted));
-    stats.faces.leaves = leaves.leaves.len() as u64;
-    stats.faces.defined = u64::from(leaves.defined);
-    stats.faces.undefined = u64::from(leaves.undefined);
+    stats.faces.leaves = leaves.len();
+    let (defined, undefined) = leaves.defined();
+    (stats.faces.defined, stats.faces.undefined) = (defined.into(), undefined.into());
     Ok(leaves)
 }
 

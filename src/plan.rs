@@ -28,6 +28,8 @@ pub struct Plan {
     pub highlights: bool,
     /// What is left out, and why.
     pub left_out: Vec<LeftOut>,
+    /// Whether passes are drawn although they add nothing.
+    pub everything: bool,
 }
 
 impl Plan {
@@ -102,7 +104,19 @@ impl Plan {
             "highlights",
             "no material shows a highlight of a light",
         );
-        Self { highlights, specular, receivers, reflection, transmission, passes, textures, detail_textures, left_out }
+        Self { highlights, specular, receivers, reflection, transmission, passes, textures, detail_textures, left_out, everything }
+    }
+
+    /// The colour passes of a frame in which only `present` components of Eq. 3 are not zero everywhere, and
+    /// the others as left out.
+    pub fn passes_for(&self, present: u32) -> (Vec<ColorPass>, Vec<LeftOut>) {
+        let adds = |pass: &&ColorPass| self.everything || pass.components & present != 0;
+        let (drawn, dropped): (Vec<&ColorPass>, _) = self.passes.iter().partition(adds);
+        let left_out = |pass: &ColorPass| LeftOut {
+            what: format!("{} pass", pass.name),
+            why: "its colours are zero at every vertex".into(),
+        };
+        (drawn.into_iter().copied().collect(), dropped.into_iter().map(left_out).collect())
     }
 
     /// Whether anything is traced: hierarchy, visibility, samples.

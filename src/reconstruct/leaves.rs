@@ -60,6 +60,26 @@ pub struct Leaves {
     pub overflow: u64,
 }
 
+impl Leaves {
+    /// Components of Eq. 3 that are not zero everywhere, as bits of `COMPONENT_…`; the textured ones count as
+    /// present with any specular leaf.
+    pub fn components(&self) -> u32 {
+        let [plain, specular @ ..] = self.groups;
+        if specular == [0, 0] {
+            return COMPONENT_PRIMARY;
+        }
+        let any = |branch: usize| {
+            let mut corners = self.leaves[plain as usize..].iter().flat_map(|leaf| &leaf.comb);
+            corners.any(|comb| comb[branch] != Vec3::ZERO)
+        };
+        (0..2).fold(COMPONENT_PRIMARY, |components, branch| {
+            components
+                | COMPONENT_REFLECTED << branch
+                | if any(branch) { COMPONENT_REFLECTED_COMB << branch } else { 0 }
+        })
+    }
+}
+
 impl GpuVertex {
     fn new(position: Vec3, normal: Vec3, uv: [Vec2; 2], color: Vec4, tangent: Vec4) -> Self {
         let halves = |value: Vec4| value.to_array().map(f16::from_f32);

@@ -200,7 +200,7 @@ impl Matcher<'_> {
 }
 
 /// `value` before the attenuation at the primary hit, which the shader multiplies in per fragment.
-fn before(value: Vec3, attenuation: Vec3) -> Vec3 {
+pub(super) fn before(value: Vec3, attenuation: Vec3) -> Vec3 {
     let one = |value: f32, attenuation: f32| if attenuation > 1e-6 { value / attenuation } else { 0.0 };
     Vec3::new(
         one(value.x, attenuation.x),

@@ -4,20 +4,19 @@
 use std::collections::HashMap;
 use std::sync::Arc;
 
-use bytemuck::Pod;
-
 use super::bank::Bank;
+use super::drawn::Drawn;
 use super::frame_block::FrameBlock;
-use super::leaves::{GROUPS, GpuLeaf, GpuVertex, Leaves};
-use super::table::{SceneTable, Texel};
+use super::leaves::{GROUPS, GpuLeaf, GpuVertex};
+use super::table::SceneTable;
 use crate::constants::*;
 use crate::error::Result;
 use crate::gpu::{
     Binding, Blend, ColorTarget, Commands, Cull, DepthMode, DepthTarget, DescriptorSet, DeviceBuffer, Draws,
     Format, Gpu, GraphicsDesc, GraphicsPipeline, Image, ImageDesc, ReadbackBuffer, ReadbackChoice, Resource,
-    SetLayout, Shader, Targets, Timing, Uploads,
+    SetLayout, Shader, Targets, Uploads,
 };
-use crate::options::{Equation, Mode};
+use crate::options::{Equation, Mode, Reconstruction};
 use crate::report::image::FloatImage;
 use crate::spirv;
 
@@ -73,9 +72,21 @@ pub fn color_passes(mode: Mode, equation: Equation) -> &'static [ColorPass] {
     }
 }
 
+/// A colour pass as it was recorded.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Drawing {
+    /// Its name.
+    pub name: &'static str,
+    /// Its time on the device in milliseconds; 0 on a device without a clock.
+    pub ms: f64,
+    /// Draws recorded in it.
+    pub draws: u32,
+}
+
 /// What a pipeline is made for.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
 struct PipelineKey {
+    reconstruction: Reconstruction,
     leaves: u32,
     components: u32,
     blend: PassBlend,
@@ -92,7 +103,9 @@ enum PassBlend {
 /// How the image is drawn, apart from the scene and its samples.
 #[derive(Debug, Clone, PartialEq)]
 pub struct PassOptions {
-    /// Colour passes, in order; the first draws faces without samples too.
+    /// How leaves are reconstructed.
+    pub reconstruction: Reconstruction,
+    /// Colour passes that a frame may have, in order; the first draws faces without samples too.
     pub passes: Vec<ColorPass>,
     /// Eq. 3 or Eq. 4.
     pub equation: Equation,
@@ -189,7 +202,8 @@ impl Painter {
                 ("environment", Resource::Textures(&[bank.environment()])),
             ],
         )?;
-        let base_list = LeafList::new(gpu, &layouts[1], "base", &mut uploads, &base.vertices, &base.leaves, &[])?;
+        let base_buffers = [bytemuck::cast_slice(&base.vertices), bytemuck::cast_slice(&base.leaves), &[]];
+        let base_list = LeafList::new(gpu, &layouts[1], "base", &mut uploads, base_buffers)?;
         uploads.flush()?;
         Ok(Self {
             gpu: gpu.clone(),
@@ -223,24 +237,15 @@ impl Painter {
     ///
     /// # Errors
     /// No device memory left; a lost device.
-    pub fn upload(&mut self, leaves: &Leaves) -> Result<()> {
+    pub fn upload(&mut self, leaves: &Drawn) -> Result<()> {
         let (gpu, layout) = (&self.gpu, &self.layouts[1]);
+        let buffers = leaves.buffers();
         match &mut self.dynamic {
-            Some(list) if list.fits(&leaves.vertices, &leaves.leaves, &leaves.nodes) => {
-                list.write(&mut self.uploads, &leaves.vertices, &leaves.leaves, &leaves.nodes)?;
-            }
+            Some(list) if list.fits(buffers) => list.write(&mut self.uploads, buffers)?,
             slot => {
                 // Replaced before it is made anew, so that both never exist at once.
                 *slot = None;
-                *slot = Some(LeafList::new(
-                    gpu,
-                    layout,
-                    "leaves",
-                    &mut self.uploads,
-                    &leaves.vertices,
-                    &leaves.leaves,
-                    &leaves.nodes,
-                )?);
+                *slot = Some(LeafList::new(gpu, layout, "leaves", &mut self.uploads, buffers)?);
             }
         }
         self.uploads.flush()
@@ -259,28 +264,34 @@ impl Painter {
             let blend = if index == 0 { PassBlend::First } else { PassBlend::Later };
             let drawn = groups.iter().filter(|&&leaves| index == 0 || leaves != LEAVES_PLAIN);
             keys.extend(drawn.map(|&leaves| PipelineKey {
+                reconstruction: self.options.reconstruction,
                 leaves,
                 components: pass.components,
                 blend,
                 cull: false,
             }));
         }
+        let of_leaves = keys.len();
         for draw in &self.base_draws {
             keys.push(self.base_key(draw));
         }
         for key in &keys {
             self.pipeline(*key)?;
         }
+        if self.dynamic.is_none() {
+            self.upload(&Drawn::blank(self.options.reconstruction))?;
+        }
         self.uploads.write(&self.frame, 0, std::slice::from_ref(block))?;
-        let Self { commands, uploads, target, pipelines, scene_set, base, .. } = self;
-        let Some(target) = target else { return Ok(()) };
+        let Self { commands, uploads, target, pipelines, scene_set, base, dynamic, .. } = self;
+        let (Some(target), Some(leaves)) = (target, dynamic) else { return Ok(()) };
         let mut recording = commands.begin()?;
         uploads.record(&mut recording);
         target.render(&mut recording, true, |draws| {
             draws.scissor([0, 0, 1, 1]);
-            for key in &keys {
+            for (index, key) in keys.iter().enumerate() {
+                let list = if index < of_leaves { &*leaves } else { &*base };
                 if let Some(pipeline) = pipelines.get(key) {
-                    draws.pipeline(pipeline).set(0, scene_set).set(1, &base.set).draw(0..3);
+                    draws.pipeline(pipeline).set(0, scene_set).set(1, &list.set).draw(0..3);
                 }
             }
         });
@@ -289,6 +300,7 @@ impl Painter {
 
     fn base_key(&self, draw: &BaseDraw) -> PipelineKey {
         PipelineKey {
+            reconstruction: Reconstruction::Exact,
             leaves: LEAVES_PLAIN,
             components: self.options.passes.first().map_or(COMPONENT_PRIMARY, |pass| pass.components),
             blend: if draw.blended { PassBlend::Coverage } else { PassBlend::First },
@@ -296,19 +308,25 @@ impl Painter {
         }
     }
 
-    /// Draws the frame; the leaves are those of the last [`upload`](Self::upload). Returns the device's time
-    /// of each colour pass.
+    /// Draws the frame in `passes`, all or some of the options'; the leaves are those of the last
+    /// [`upload`](Self::upload). Returns what was recorded.
     ///
     /// # Errors
     /// No device memory left; a lost device.
-    pub fn draw(&mut self, block: &FrameBlock, leaves: Option<&Leaves>) -> Result<Vec<Timing>> {
+    pub fn draw(
+        &mut self,
+        block: &FrameBlock,
+        leaves: Option<&Drawn>,
+        passes: &[ColorPass],
+    ) -> Result<Vec<Drawing>> {
         self.make_target(block.width(), block.height())?;
-        let passes = self.options.passes.clone();
+        let reconstruction = self.options.reconstruction;
         let draws = leaves.map_or(Vec::new(), leaf_draws);
+        let mut drawings = Vec::new();
         for (index, pass) in passes.iter().enumerate() {
             for draw in &draws {
                 if index == 0 || draw.group != LEAVES_PLAIN {
-                    self.pipeline(leaf_key(*pass, index, draw))?;
+                    self.pipeline(leaf_key(reconstruction, *pass, index, draw))?;
                 }
             }
         }
@@ -324,19 +342,19 @@ impl Painter {
         let mut recording = commands.begin()?;
         uploads.record(&mut recording);
         for (index, &pass) in passes.iter().enumerate() {
+            let of_leaves = draws.iter().filter(|draw| index == 0 || draw.group != LEAVES_PLAIN);
+            let opaque = (0..base_draws.len()).filter(|&draw| index == 0 && !base_draws[draw].blended);
+            let count = of_leaves.clone().count() + opaque.clone().count();
+            drawings.push(Drawing { name: pass.name, ms: 0.0, draws: count as u32 });
             recording.timed(pass.name, |recording| {
                 target.render(recording, index == 0, |commands| {
                     if let Some(list) = dynamic {
-                        for draw in draws.iter().filter(|draw| index == 0 || draw.group != LEAVES_PLAIN) {
-                            let pipeline = &pipelines[&leaf_key(pass, index, draw)];
+                        for draw in of_leaves {
+                            let pipeline = &pipelines[&leaf_key(reconstruction, pass, index, draw)];
                             commands.pipeline(pipeline).set(0, scene_set).set(1, &list.set);
                             commands.draw(3 * draw.leaves.start..3 * draw.leaves.end);
                         }
                     }
-                    if index > 0 {
-                        return;
-                    }
-                    let opaque = (0..base_draws.len()).filter(|&draw| !base_draws[draw].blended);
                     for draw in opaque {
                         draw_base(commands, &pipelines[&base_keys[draw]], scene_set, base, &base_draws[draw]);
                     }
@@ -344,6 +362,7 @@ impl Painter {
             });
         }
         if !blended.is_empty() {
+            drawings.push(Drawing { name: "blended", ms: 0.0, draws: blended.len() as u32 });
             recording.timed("blended", |recording| {
                 target.render(recording, false, |commands| {
                     for draw in blended {
@@ -353,7 +372,12 @@ impl Painter {
             });
         }
         recording.submit_and_wait()?;
-        self.commands.timings()
+        for timing in self.commands.timings()? {
+            if let Some(drawing) = drawings.iter_mut().find(|drawing| drawing.name == timing.name) {
+                drawing.ms = timing.ms;
+            }
+        }
+        Ok(drawings)
     }
 
     fn blended_draws(&self) -> Vec<usize> {
@@ -420,16 +444,21 @@ impl Painter {
             PassBlend::Later => (Blend::Add, DepthMode::Equal),
             PassBlend::Coverage => (Blend::Over, DepthMode::Test),
         };
+        let (vertex, fragment): (&[u8], &[u8]) = match key.reconstruction {
+            Reconstruction::Exact => (spirv!("leaf.vert"), spirv!("exact.frag")),
+            Reconstruction::Paper => (spirv!("paper.vert"), spirv!("paper.frag")),
+        };
         let pipeline = GraphicsPipeline::new(
             &self.gpu,
             &GraphicsDesc {
-                fragment: Shader { spirv: spirv!("exact.frag"), constants: &constants },
+                vertex: Shader { spirv: vertex, constants: &constants },
+                fragment: Shader { spirv: fragment, constants: &constants },
                 sets: &[&self.layouts[0], &self.layouts[1]],
                 colors: &[(Format::Rgba16f, blend)],
                 depth,
                 cull: if key.cull { Cull::Back } else { Cull::None },
                 samples: self.options.samples,
-                ..GraphicsDesc::opaque("leaves", spirv!("leaf.vert"), spirv!("exact.frag"))
+                ..GraphicsDesc::opaque("leaves", vertex, fragment)
             },
         )?;
         self.pipelines.insert(key, pipeline);
@@ -443,17 +472,18 @@ struct LeafDraw {
     group: u32,
 }
 
-fn leaf_draws(leaves: &Leaves) -> Vec<LeafDraw> {
+fn leaf_draws(leaves: &Drawn) -> Vec<LeafDraw> {
     let mut start = 0;
-    let ranges = leaves.groups.iter().zip(GROUPS).map(|(&count, group)| {
+    let ranges = leaves.groups().into_iter().zip(GROUPS).map(|(count, group)| {
         start += count;
         LeafDraw { leaves: start - count..start, group }
     });
     ranges.filter(|draw| !draw.leaves.is_empty()).collect()
 }
 
-fn leaf_key(pass: ColorPass, index: usize, draw: &LeafDraw) -> PipelineKey {
+fn leaf_key(reconstruction: Reconstruction, pass: ColorPass, index: usize, draw: &LeafDraw) -> PipelineKey {
     PipelineKey {
+        reconstruction,
         leaves: draw.group,
         components: pass.components,
         blend: if index == 0 { PassBlend::First } else { PassBlend::Later },
@@ -489,24 +519,20 @@ impl Target {
 }
 
 impl LeafList {
+    /// `data`: vertices, leaf records, node table.
     fn new(
         gpu: &Arc<Gpu>,
         layout: &SetLayout,
         name: &str,
         uploads: &mut Uploads,
-        vertices: &[GpuVertex],
-        leaves: &[GpuLeaf],
-        nodes: &[Texel],
+        data: [&[u8]; 3],
     ) -> Result<Self> {
         // Room to grow by half without a new buffer.
-        let make = |what: &str, bytes: usize| {
-            DeviceBuffer::new(gpu, &format!("{name} {what}"), (bytes as u64 * 3 / 2).max(256).next_multiple_of(16))
+        let make = |what: &str, data: &[u8]| {
+            let bytes = (data.len() as u64 * 3 / 2).max(256).next_multiple_of(16);
+            DeviceBuffer::new(gpu, &format!("{name} {what}"), bytes)
         };
-        let buffers = [
-            make("vertices", size_of_val(vertices))?,
-            make("records", size_of_val(leaves))?,
-            make("nodes", size_of_val(nodes))?,
-        ];
+        let buffers = [make("vertices", data[0])?, make("records", data[1])?, make("nodes", data[2])?];
         let set = layout.set(
             name,
             &[
@@ -516,27 +542,16 @@ impl LeafList {
             ],
         )?;
         let list = Self { buffers, set };
-        list.write(uploads, vertices, leaves, nodes)?;
+        list.write(uploads, data)?;
         Ok(list)
     }
 
-    fn fits(&self, vertices: &[GpuVertex], leaves: &[GpuLeaf], nodes: &[Texel]) -> bool {
-        let sizes = [size_of_val(vertices), size_of_val(leaves), size_of_val(nodes)];
-        self.buffers.iter().zip(sizes).all(|(buffer, size)| buffer.size() >= size as u64)
+    fn fits(&self, data: [&[u8]; 3]) -> bool {
+        self.buffers.iter().zip(data).all(|(buffer, data)| buffer.size() >= data.len() as u64)
     }
 
-    fn write(
-        &self,
-        uploads: &mut Uploads,
-        vertices: &[GpuVertex],
-        leaves: &[GpuLeaf],
-        nodes: &[Texel],
-    ) -> Result<()> {
-        fn one<T: Pod>(uploads: &mut Uploads, buffer: &DeviceBuffer, data: &[T]) -> Result<()> {
-            if data.is_empty() { Ok(()) } else { uploads.write(buffer, 0, data) }
-        }
-        one(uploads, &self.buffers[0], vertices)?;
-        one(uploads, &self.buffers[1], leaves)?;
-        one(uploads, &self.buffers[2], nodes)
+    fn write(&self, uploads: &mut Uploads, data: [&[u8]; 3]) -> Result<()> {
+        let mut parts = self.buffers.iter().zip(data).filter(|(_, data)| !data.is_empty());
+        parts.try_for_each(|(buffer, data)| uploads.write(buffer, 0, data))
     }
 }

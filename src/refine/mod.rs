@@ -19,7 +19,7 @@ use rayon::prelude::*;
 use self::mesh::{Mesh, Split};
 use self::predict::{Corner, Deviation, Predictor};
 use self::samples::Samples;
-use crate::options::EffortOptions;
+use crate::options::{EffortOptions, Reconstruction};
 use crate::trace::sample::Context;
 use crate::visibility::IdImage;
 
@@ -228,6 +228,10 @@ impl<'a> Refiner<'a> {
                 continue;
             }
             if self.mesh.size(face) <= STOP_SIZE {
+                // The paper knows no traced pixels: its faces stop here as they are.
+                if self.predictor.reconstruction == Reconstruction::Paper {
+                    continue;
+                }
                 self.trace_pixels_of(face);
                 left_queue = true;
                 continue;
