@@ -92,8 +92,8 @@ impl<'s> Renderer<'s> {
         let mut uploads = Uploads::new(gpu, "texture uploads", TEXTURE_STAGING)?;
         let bank = Bank::new(&mut uploads, scene, &plan.textures, options.method.filter)?;
         let table = SceneTable::new(scene, &targets, &bank, options.scene.fresnel);
-        let base_textures = scene.materials.iter().map(|m| bank.reference(m.base_color_texture)).collect();
-        let base = base_faces(scene, &table, traced.as_ref().map(|traced| traced.classes.as_slice()));
+        let base_textures: Vec<u32> = scene.materials.iter().map(|m| bank.reference(m.base_color_texture)).collect();
+        let base = base_faces(scene, &table, &base_textures, traced.as_ref().map(|traced| traced.classes.as_slice()));
         let pass_options = PassOptions {
             passes: plan.passes.clone(),
             equation: options.method.equation,
@@ -106,6 +106,8 @@ impl<'s> Renderer<'s> {
             detail_textures: plan.detail_textures,
             lights: (scene.lights.len() as u32).min(MAX_LIGHTS),
             highlights: plan.highlights,
+            emission_textures: plan.emission_textures,
+            base_textures: plan.base_textures,
         };
         let painter = Painter::new(gpu, pass_options, bank, &table, &base)?;
         let settings = Settings::new(&options.paths, &options.scene);
@@ -264,10 +266,16 @@ fn ray_stats(vertices: Rays, pixels: Rays, _traced: usize) -> stats::Rays {
 }
 
 /// Faces that are drawn without samples: all of them if nothing is traced, else occluders and blended faces.
-fn base_faces(scene: &Scene, table: &SceneTable, classes: Option<&[Class]>) -> BaseFaces {
+fn base_faces(
+    scene: &Scene,
+    table: &SceneTable,
+    base_textures: &[u32],
+    classes: Option<&[Class]>,
+) -> BaseFaces {
     let mut base = BaseFaces::default();
-    let mut opaque: Vec<(bool, usize)> = Vec::new();
+    let mut opaque: Vec<((bool, u32), usize)> = Vec::new();
     let mut blended: Vec<usize> = Vec::new();
+    let array = |object: usize| leaves::array_of(base_textures[scene.objects[object].material as usize]);
     for (index, object) in scene.objects.iter().enumerate() {
         let class = classes.map_or(Class::Occluder, |classes| classes[index]);
         let material = &scene.materials[object.material as usize];
@@ -275,7 +283,7 @@ fn base_faces(scene: &Scene, table: &SceneTable, classes: Option<&[Class]>) -> B
         match class {
             Class::Vt => {}
             _ if is_blended => blended.push(index),
-            Class::Occluder => opaque.push((!material.double_sided, index)),
+            Class::Occluder => opaque.push(((!material.double_sided, array(index)), index)),
             Class::Shadow => {}
         }
     }
@@ -287,15 +295,16 @@ fn base_faces(scene: &Scene, table: &SceneTable, classes: Option<&[Class]>) -> B
         (group[0].0, false, group.iter().map(|&(_, index)| index).collect::<Vec<_>>())
     });
     let blended = blended.into_iter().map(|index| {
-        (!scene.materials[scene.objects[index].material as usize].double_sided, true, vec![index])
+        let cull = !scene.materials[scene.objects[index].material as usize].double_sided;
+        ((cull, array(index)), true, vec![index])
     });
-    for (cull, is_blended, objects) in groups.chain(blended) {
+    for ((cull, array), is_blended, objects) in groups.chain(blended) {
         let start = base.leaves.len() as u32;
         for object in objects {
             let faces = scene.objects[object].faces.clone();
             base.leaves.extend(faces.map(|face| leaves::base_leaf(scene, table, face)));
         }
-        base.draws.push(BaseDraw { leaves: start..base.leaves.len() as u32, cull, blended: is_blended });
+        base.draws.push(BaseDraw { leaves: start..base.leaves.len() as u32, array, cull, blended: is_blended });
     }
     base.vertices = leaves::base_vertices(&scene.geometry);
     base

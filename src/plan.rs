@@ -24,6 +24,10 @@ pub struct Plan {
     pub textures: Vec<bool>,
     /// Whether any material has textures beyond base colour and emission.
     pub detail_textures: bool,
+    /// Whether any material has a texture on its emission.
+    pub emission_textures: bool,
+    /// Whether any material has a texture on its base colour.
+    pub base_textures: bool,
     /// Whether any material shows highlights of lights.
     pub highlights: bool,
     /// What is left out, and why.
@@ -97,12 +101,19 @@ impl Plan {
             "normal, roughness, specular and transmission textures",
             "no material has one",
         );
+        let emission_textures = need(
+            used().any(|m| m.emissive_texture.is_some()),
+            "emission texture",
+            "no material has one",
+        );
+        let base_textures =
+            need(used().any(|m| m.base_color_texture.is_some()), "base colour texture", "no material has one");
         let highlights = need(
             lit && used().any(|m| m.roughness > 0.0 && !m.unlit && (m.metallic > 0.0 || m.specular > 0.0)),
             "highlights",
             "no material shows a highlight of a light",
         );
-        Self { highlights, specular, receivers, reflection, transmission, passes, textures, detail_textures, left_out }
+        Self { emission_textures, base_textures, highlights, specular, receivers, reflection, transmission, passes, textures, detail_textures, left_out }
     }
 
     /// Whether anything is traced: hierarchy, visibility, samples.
