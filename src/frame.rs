@@ -90,7 +90,7 @@ impl<'s> Renderer<'s> {
             None
         };
         let mut uploads = Uploads::new(gpu, "texture uploads", TEXTURE_STAGING)?;
-        let bank = Bank::new(gpu, &mut uploads, scene, &plan.textures, options.method.filter)?;
+        let bank = Bank::new(&mut uploads, scene, &plan.textures, options.method.filter)?;
         let table = SceneTable::new(scene, &targets, &bank, options.scene.fresnel);
         let base_textures = scene.materials.iter().map(|m| bank.reference(m.base_color_texture)).collect();
         let base = base_faces(scene, &table, traced.as_ref().map(|traced| traced.classes.as_slice()));

@@ -3,13 +3,11 @@
 //! Vulkan 1.3 alone cannot index sampled images dynamically, but it can choose a layer. Textures of one
 //! size, encoding and sampler share an array; a shader names a texture by array and layer.
 
-use std::sync::Arc;
-
 use image::{RgbaImage, imageops};
 
 use crate::constants::{MAX_BANK_ARRAYS, NO_TEXTURE};
 use crate::error::Result;
-use crate::gpu::{AddressMode, Format, Gpu, Image, SamplerDesc, TexelFilter, Uploads};
+use crate::gpu::{AddressMode, Format, Image, SamplerDesc, TexelFilter, Uploads};
 use crate::options::FilterMode;
 use crate::scene::{Environment, Filter, Sampler, Scene, TextureSlot, Wrap};
 
@@ -49,7 +47,6 @@ impl Bank {
     /// # Errors
     /// A texture larger than the device can hold; no memory left.
     pub fn new(
-        gpu: &Arc<Gpu>,
         uploads: &mut Uploads,
         scene: &Scene,
         used: &[bool],
@@ -80,7 +77,7 @@ impl Bank {
             arrays.push((white, nearest));
         }
         let environment = match &scene.background {
-            crate::scene::Background::Environment(panorama) => panorama_image(gpu, uploads, panorama)?,
+            crate::scene::Background::Environment(panorama) => panorama_image(uploads, panorama)?,
             crate::scene::Background::Color(_) => arrays[0].clone(),
         };
         uploads.flush()?;
@@ -195,11 +192,7 @@ fn texels(scene: &Scene, texture: usize, (width, height): (u32, u32)) -> Vec<u8>
     }
 }
 
-fn panorama_image(
-    gpu: &Arc<Gpu>,
-    uploads: &mut Uploads,
-    panorama: &Environment,
-) -> Result<(Image, SamplerDesc)> {
+fn panorama_image(uploads: &mut Uploads, panorama: &Environment) -> Result<(Image, SamplerDesc)> {
     let texels: Vec<[f32; 4]> = panorama.radiance.iter().map(|radiance| radiance.extend(1.0).into()).collect();
     let size = (panorama.width, panorama.height);
     let bytes = bytemuck::cast_slice(&texels);

@@ -62,15 +62,22 @@ pub struct Incident {
 
 impl Light {
     /// Light that arrives at `point`, unoccluded.
+    #[inline]
     pub fn incident(&self, point: Vec3) -> Incident {
         let from = |position: Vec3, range: f32| {
             let to = position - point;
             let squared = to.length_squared();
             let distance = squared.sqrt();
+            if squared == 0.0 {
+                return (Vec3::ZERO, 0.0, 0.0);
+            }
             // glTF: attenuation = clamp(1 - (d/range)^4, 0, 1) / d^2
-            let window = (1.0 - (distance / range).powi(4)).clamp(0.0, 1.0);
-            let falloff = if squared > 0.0 { window / squared } else { 0.0 };
-            (if distance > 0.0 { to / distance } else { Vec3::ZERO }, distance, falloff)
+            let window = if range == f32::INFINITY {
+                1.0
+            } else {
+                (1.0 - (squared / (range * range)).powi(2)).clamp(0.0, 1.0)
+            };
+            (to * distance.recip(), distance, window / squared)
         };
         match self.kind {
             LightKind::Point { position, range } => {

@@ -4,13 +4,16 @@ use std::time::Duration;
 
 use glam::{Vec3, Vec3A, Vec3Swizzles};
 use obvhs::{
-    Boundable, BvhBuildParams,
+    BvhBuildParams,
     aabb::Aabb,
     cwbvh::{CwBvh, builder::build_cwbvh},
     ray::{Ray, RayHit},
 };
 
-use super::texel;
+use super::{
+    surface::{self, Record},
+    texel,
+};
 use crate::scene::{AlphaMode, Scene};
 
 /// Rays end this fraction of the distance short of a light, so that a light on a surface is seen.
@@ -19,6 +22,10 @@ const SHADOW_END: f32 = 1e-4;
 /// Ray parameters are counted in this fraction of the scene's extent. obvhs rejects boxes that a ray
 /// leaves before t = 1e-4; in this unit that is 1e-8 of the extent, less than a position's rounding.
 const RAY_UNIT: f32 = 1e-4;
+
+/// Boxes are wider than their triangles by this fraction of the scene's extent: as much as a box test errs
+/// for a ray from inside the scene, so that it does not lose what the triangle test would find.
+const BOX_PADDING: f32 = 4.0 * f32::EPSILON;
 
 /// Smallest magnitude of a direction's component that is inverted as it is.
 const SMALLEST_COMPONENT: f32 = 1e-15;
@@ -49,7 +56,8 @@ pub struct Tracer<'s> {
     /// Distance that a ray parameter of 1 stands for; a power of two, so that scaling is exact.
     unit: f32,
     masked: bool,
-    offsets: Vec<f32>,
+    /// In the order of the scene's faces.
+    records: Vec<Record>,
 }
 
 impl<'s> Tracer<'s> {
@@ -58,13 +66,14 @@ impl<'s> Tracer<'s> {
         let geometry = &scene.geometry;
         let by_face: Vec<Triangle> =
             (0..geometry.faces.len() as u32).map(|face| Triangle::new(geometry.corners(face))).collect();
-        let bvh = if by_face.is_empty() {
-            CwBvh::default()
-        } else {
-            build_cwbvh(&by_face, BvhBuildParams::medium_build(), &mut Duration::default())
-        };
         let (low, high) = scene.bounds();
         let extent = low.abs().max(high.abs()).max_element().max(f32::MIN_POSITIVE / RAY_UNIT);
+        let boxes: Vec<Aabb> = by_face.iter().map(|triangle| triangle.bounds(extent * BOX_PADDING)).collect();
+        let bvh = if boxes.is_empty() {
+            CwBvh::default()
+        } else {
+            build_cwbvh(&boxes, BvhBuildParams::medium_build(), &mut Duration::default())
+        };
         let masked = scene.materials.iter().any(|material| matches!(material.alpha_mode, AlphaMode::Mask(_)));
         Self {
             scene,
@@ -73,7 +82,7 @@ impl<'s> Tracer<'s> {
             bvh,
             unit: (extent * RAY_UNIT).log2().floor().exp2(),
             masked,
-            offsets: super::surface::offsets(geometry),
+            records: surface::records(scene),
         }
     }
 
@@ -82,9 +91,9 @@ impl<'s> Tracer<'s> {
         self.scene
     }
 
-    /// How far ray origins on `face` are moved off it: see [`Surface::offset`](super::Surface::offset).
-    pub fn offset(&self, face: u32) -> f32 {
-        self.offsets[face as usize]
+    #[inline]
+    pub(super) fn record(&self, face: u32) -> &Record {
+        &self.records[face as usize]
     }
 
     /// The nearest hit from `origin` along the unit vector `direction`.
@@ -159,74 +168,80 @@ impl<'s> Tracer<'s> {
         alpha >= cutoff
     }
 
+    /// The ray as the box tests want it.
     fn ray(&self, origin: Vec3, direction: Vec3, tmax: f32) -> Ray {
-        let (origin, direction) = (Vec3A::from(origin), Vec3A::from(direction));
-        // A finite inverse keeps 0 · ∞ out of the box test.
-        let invertible = direction.abs().max(Vec3A::splat(SMALLEST_COMPONENT)).copysign(direction);
-        Ray { origin, direction, inv_direction: (invertible * self.unit).recip(), tmin: 0.0, tmax }
+        let direction = Vec3A::from(direction);
+        // A finite inverse keeps 0 · ∞ out of the box test, which takes the sides of a box by the sign of
+        // the direction: −0 must not count as positive there and invert to a negative number.
+        let direction = direction.abs().max(Vec3A::splat(SMALLEST_COMPONENT)).copysign(direction);
+        let inv_direction = (direction * self.unit).recip();
+        Ray { origin: origin.into(), direction, inv_direction, tmin: 0.0, tmax }
     }
 }
 
 /// A triangle's corners, one coordinate axis a vector, so that its three edges are tested side by side.
 #[derive(Clone, Copy)]
 struct Triangle {
-    x: Vec3A,
-    y: Vec3A,
-    z: Vec3A,
+    axes: [Vec3A; 3],
 }
 
-/// A ray as [`Triangle::intersect`] wants it: every component in all lanes.
+/// A ray in the sheared space where it runs along the third axis from the origin (Woop, Benthin and Wald
+/// 2013, "Watertight Ray/Triangle Intersection").
 struct Probe {
+    /// The coordinate axes that become the first, second and third; the direction is longest in the third.
+    axes: [usize; 3],
     origin: [Vec3A; 3],
-    direction: [Vec3A; 3],
-    per_unit: f32,
+    shear: [Vec3A; 2],
+    /// Ray parameter for a distance of 1 along the third axis.
+    scale: f32,
 }
 
 impl Probe {
     #[inline(always)]
     fn new(origin: Vec3, direction: Vec3, unit: f32) -> Self {
+        let longest = direction.abs().max_position();
+        let axes = [(longest + 1) % 3, (longest + 2) % 3, longest];
+        let inverse = direction[longest].recip();
         Self {
-            origin: origin.to_array().map(Vec3A::splat),
-            direction: direction.to_array().map(Vec3A::splat),
-            per_unit: unit.recip(),
+            axes,
+            origin: axes.map(|axis| Vec3A::splat(origin[axis])),
+            shear: [Vec3A::splat(direction[axes[0]] * inverse), Vec3A::splat(direction[axes[1]] * inverse)],
+            scale: inverse / unit,
         }
     }
 }
 
 impl Triangle {
     fn new([a, b, c]: [Vec3; 3]) -> Self {
-        Self { x: Vec3A::new(a.x, b.x, c.x), y: Vec3A::new(a.y, b.y, c.y), z: Vec3A::new(a.z, b.z, c.z) }
+        Self { axes: std::array::from_fn(|axis| Vec3A::new(a[axis], b[axis], c[axis])) }
     }
 
     /// The ray parameter and the barycentric weights of the hit; infinity or NaN for a miss.
     ///
-    /// An edge's function d · ((b − a) × (b + a)), corners relative to the ray's origin, changes nothing
-    /// but its sign when the edge's ends are exchanged, to the last bit. A ray therefore never slips
-    /// between two faces that share an edge (the "robust" test of Embree does the same).
+    /// A corner is sheared to the same two numbers in every triangle that has it, and the sign of an edge's
+    /// function x·y' − y·x' is never wrong, only ever 0, which counts as inside on both sides: no ray
+    /// slips between triangles at an edge or a corner.
     #[inline(always)]
     fn intersect(&self, ray: &Probe) -> (f32, Vec3A) {
-        let [ox, oy, oz] = ray.origin;
-        let [dx, dy, dz] = ray.direction;
-        let (x, y, z) = (self.x - ox, self.y - oy, self.z - oz);
-        let (next_x, next_y, next_z) = (x.yzx(), y.yzx(), z.yzx());
-        let (ex, ey, ez) = (next_x - x, next_y - y, next_z - z);
-        let (sx, sy, sz) = (next_x + x, next_y + y, next_z + z);
-        let edges = (ey * sz - ez * sy) * dx + (ez * sx - ex * sz) * dy + (ex * sy - ey * sx) * dz;
+        let [kx, ky, kz] = ray.axes;
+        let z = self.axes[kz] - ray.origin[2];
+        let x = self.axes[kx] - ray.origin[0] - ray.shear[0] * z;
+        let y = self.axes[ky] - ray.origin[1] - ray.shear[1] * z;
+        let edges = x * y.yzx() - y * x.yzx();
         if edges.cmplt(Vec3A::ZERO).any() && edges.cmpgt(Vec3A::ZERO).any() {
             return (f32::INFINITY, Vec3A::ZERO);
         }
         // Edge i runs from corner i to i + 1 and weighs the corner opposite to it, i + 2.
         let weights = edges.yzx() / (edges.x + edges.y + edges.z);
-        let depth = x * dx + y * dy + z * dz;
-        (weights.dot(depth) * ray.per_unit, weights)
+        (weights.dot(z) * ray.scale, weights)
     }
-}
 
-impl Boundable for Triangle {
-    fn aabb(&self) -> Aabb {
+    /// The box around the corners, `padding` wider on all sides.
+    fn bounds(&self, padding: f32) -> Aabb {
+        let [x, y, z] = self.axes;
         Aabb {
-            min: Vec3A::new(self.x.min_element(), self.y.min_element(), self.z.min_element()),
-            max: Vec3A::new(self.x.max_element(), self.y.max_element(), self.z.max_element()),
+            min: Vec3A::new(x.min_element(), y.min_element(), z.min_element()) - padding,
+            max: Vec3A::new(x.max_element(), y.max_element(), z.max_element()) + padding,
         }
     }
 }

@@ -72,7 +72,9 @@ pub enum BranchKind {
 pub struct Branch {
     /// Reflection or refraction.
     pub kind: BranchKind,
-    /// Origin, moved off the surface to the side that the ray leaves to.
+    /// Where it leaves the surface.
+    pub start: Vec3,
+    /// Origin for tracing: `start` moved off the surface to the side that the ray leaves to.
     pub origin: Vec3,
     /// Unit direction.
     pub direction: Vec3,
@@ -83,9 +85,11 @@ pub struct Branch {
 }
 
 impl Branch {
-    /// What the medium lets through over `length`, which is infinite for a ray that leaves the scene.
-    pub fn transmittance(&self, length: f32) -> Vec3 {
-        self.medium.map_or(Vec3::ONE, |volume| volume.transmittance(length))
+    /// What the medium lets through on the way to `end`; `None` for a ray that leaves the scene.
+    pub fn transmittance(&self, end: Option<Vec3>) -> Vec3 {
+        self.medium.map_or(Vec3::ONE, |volume| {
+            volume.transmittance(end.map_or(f32::INFINITY, |end| end.distance(self.start)))
+        })
     }
 }
 
@@ -125,6 +129,7 @@ pub fn branches(
         reflected += Vec3::splat(glass * reflectance);
         refraction = through.map(|through| Branch {
             kind: BranchKind::Refract,
+            start: surface.position,
             origin: surface.behind(),
             direction: through,
             attenuation: base * (glass * (1.0 - reflectance)),
@@ -133,6 +138,7 @@ pub fn branches(
     }
     let reflection = (reflected.max_element() > 0.0).then(|| Branch {
         kind: BranchKind::Reflect,
+        start: surface.position,
         origin: surface.front(),
         direction: reflect(direction, surface.n, surface.ng),
         attenuation: reflected,

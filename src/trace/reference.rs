@@ -62,13 +62,14 @@ pub fn render(
     let tiles: Vec<Tile> = (0..columns * rows)
         .into_par_iter()
         .map(|tile| {
-            let mut path = Path { tracer, settings: &settings, rays: Rays::default() };
+            let mut path = Path::new(tracer, &settings);
             let mut pixels = Vec::with_capacity((TILE * TILE) as usize);
             if !interrupt.load(Ordering::Relaxed) {
                 for (x, y) in tile_pixels(tile, columns, view) {
                     let index = (y * view.width + x) as usize;
-                    let radiance = if wanted(index) { path.pixel(view, &pattern, x, y) } else { Vec3::ZERO };
-                    pixels.push((index as u32, radiance));
+                    if wanted(index) {
+                        pixels.push((index, path.pixel(view, &pattern, x, y), path.first_is_vt));
+                    }
                 }
                 let finished = finished.fetch_add(1, Ordering::Relaxed) + 1;
                 progress(finished as f32 / (columns * rows) as f32);
@@ -80,15 +81,19 @@ pub fn render(
         return Err(Error::Interrupted);
     }
     let mut image = vec![[0.0; 3]; view.pixels()];
+    let mut centres = vec![false; view.pixels()];
     let mut rays = Rays::default();
     for tile in &tiles {
         rays += tile.rays;
-        for &(pixel, radiance) in &tile.pixels {
-            image[pixel as usize] = radiance.to_array();
+        for &(pixel, radiance, vt) in &tile.pixels {
+            image[pixel] = radiance.to_array();
+            centres[pixel] = vt;
         }
     }
     let time_ms = start.elapsed().as_secs_f64() * 1e3;
-    Ok(Reference { image, rays, vt_mask: vt_mask(tracer, view), time_ms })
+    // One sample a pixel lies at its centre and has found the first surface there.
+    let vt_mask = if pattern.len() == 1 && only.is_none() { centres } else { vt_mask(tracer, view) };
+    Ok(Reference { image, rays, vt_mask, time_ms })
 }
 
 /// Whether the first surface behind each pixel's centre belongs to a VT object, row by row from the top.
@@ -107,13 +112,14 @@ pub fn vt_mask(tracer: &Tracer, view: &View) -> Vec<bool> {
 
 /// Radiance along one camera ray, and the rays that it took.
 pub fn radiance(tracer: &Tracer, settings: &Settings, origin: Vec3, direction: Vec3) -> (Vec3, Rays) {
-    let mut path = Path { tracer, settings, rays: Rays::default() };
+    let mut path = Path::new(tracer, settings);
     let radiance = path.camera(origin, direction);
     (radiance, path.rays)
 }
 
 struct Tile {
-    pixels: Vec<(u32, Vec3)>,
+    /// Index, radiance, and whether a VT object is first seen.
+    pixels: Vec<(usize, Vec3, bool)>,
     rays: Rays,
 }
 
@@ -145,9 +151,15 @@ struct Path<'t, 's> {
     tracer: &'t Tracer<'s>,
     settings: &'t Settings,
     rays: Rays,
+    /// Whether the last camera ray met a VT object first.
+    first_is_vt: bool,
 }
 
-impl Path<'_, '_> {
+impl<'t, 's> Path<'t, 's> {
+    fn new(tracer: &'t Tracer<'s>, settings: &'t Settings) -> Self {
+        Self { tracer, settings, rays: Rays::default(), first_is_vt: false }
+    }
+
     fn pixel(&mut self, view: &View, pattern: &[Vec2], x: u32, y: u32) -> Vec3 {
         let corner = Vec2::new(x as f32, y as f32);
         let mut sum = Vec3::ZERO;
@@ -163,6 +175,7 @@ impl Path<'_, '_> {
         let scene = self.tracer.scene();
         let mut sum = Vec3::ZERO;
         let mut share = 1.0;
+        self.first_is_vt = false;
         for layer in 0..=MAX_LAYERS {
             self.rays.primary += 1;
             let Some(hit) = self.tracer.closest(origin, direction) else {
@@ -170,6 +183,7 @@ impl Path<'_, '_> {
             };
             let at = Surface::new(self.tracer, hit.face, hit.u, hit.v, direction);
             let appearance = Appearance::new(scene, &at);
+            self.first_is_vt |= layer == 0 && at.vt;
             let material = &scene.materials[at.material as usize];
             let covered = if layer == MAX_LAYERS { 1.0 } else { surface::coverage(material, &appearance) };
             if covered > 0.0 {
@@ -195,12 +209,12 @@ impl Path<'_, '_> {
         throughput: Vec3,
     ) -> Vec3 {
         let scene = self.tracer.scene();
-        let lit = if self.settings.shadows.apply(at.vt, bounces) {
-            shade::visible_lights(self.tracer, at, appearance, &mut self.rays)
+        let local = if self.settings.shadows.apply(at.vt, bounces) {
+            shade::local_shadowed(self.tracer, at, appearance, direction, &mut self.rays)
         } else {
-            shade::ALL_LIT
+            shade::local(scene, at, appearance, direction, shade::ALL_LIT)
         };
-        let mut sum = shade::local(scene, at, appearance, direction, lit).radiance(appearance.base_texel);
+        let mut sum = local.radiance(appearance.base_texel);
         if !at.vt || bounces >= self.settings.depth {
             return sum;
         }
@@ -221,10 +235,10 @@ impl Path<'_, '_> {
         }
         let scene = self.tracer.scene();
         let Some(hit) = self.tracer.closest(branch.origin, branch.direction) else {
-            return shade::background(scene, branch.direction) * branch.transmittance(f32::INFINITY);
+            return shade::background(scene, branch.direction) * branch.transmittance(None);
         };
-        let inside = branch.transmittance(hit.t);
         let at = Surface::new(self.tracer, hit.face, hit.u, hit.v, branch.direction);
+        let inside = branch.transmittance(Some(at.position));
         let appearance = Appearance::new(scene, &at);
         self.surface(&at, &appearance, branch.direction, bounces, throughput * inside) * inside
     }

@@ -115,7 +115,7 @@ pub fn trace(context: &Context, start: &Start, nodes: &mut Vec<Node>, rays: &mut
         n: start.normal.normalize_or(geometric * sign) * sign,
         uvs: start.uv,
         color: start.color,
-        offset: context.tracer.offset(start.face),
+        offset: context.tracer.record(start.face).offset,
     };
     trace_surface(context, &surface, direction, context.view.distance_to(start.position), nodes, rays)
 }
@@ -239,15 +239,15 @@ impl Walk<'_, '_> {
             after: f32::INFINITY,
         };
         let Some(hit) = tracer.closest(branch.origin, branch.direction) else {
-            node.throughput *= branch.transmittance(f32::INFINITY);
+            node.throughput *= branch.transmittance(None);
             node.local.added = shade::background(scene, branch.direction);
             self.push(node, Local::default);
             return;
         };
-        path.throughput *= branch.transmittance(hit.t);
         path.from_eye += hit.t;
         path.after += hit.t;
         let surface = Surface::new(tracer, hit.face, hit.u, hit.v, branch.direction);
+        path.throughput *= branch.transmittance(Some(surface.position));
         let appearance = Appearance::new(scene, &surface);
         node.target = self.context.targets.of(hit.face);
         node.lit =

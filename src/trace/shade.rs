@@ -6,7 +6,7 @@ use glam::Vec3;
 
 use super::{Appearance, Rays, Surface, Tracer, texel};
 use crate::constants::MAX_PHONG_EXPONENT;
-use crate::scene::{Background, Scene};
+use crate::scene::{Background, Scene, light::Incident};
 
 /// Lights whose visibility fits a mask; later lights shine through everything.
 pub const MASK_LIGHTS: usize = u32::BITS as usize;
@@ -36,18 +36,13 @@ impl Local {
 /// surface that neither diffuses nor highlights, its bit is 1: there the cosine or the falloff already
 /// fades it out without a step, and a 0 would only look like a shadow's edge to the refinement.
 pub fn visible_lights(tracer: &Tracer, surface: &Surface, appearance: &Appearance, rays: &mut Rays) -> u32 {
-    if diffuse_share(appearance) <= 0.0 && phong_exponent(appearance.roughness).is_none() {
-        return ALL_LIT;
-    }
-    let origin = surface.front();
     let mut lit = ALL_LIT;
+    if Lobes::of(appearance).is_none() {
+        return lit;
+    }
     for (index, light) in tracer.scene().lights.iter().take(MASK_LIGHTS).enumerate() {
-        let incident = light.incident(origin);
-        if incident.to_light.dot(surface.n) <= 0.0 || incident.irradiance.max_element() <= 0.0 {
-            continue;
-        }
-        rays.shadow += 1;
-        if tracer.occluded(origin, incident.to_light, incident.distance) {
+        let incident = light.incident(surface.position);
+        if faces(surface, &incident) && hidden(tracer, surface, &incident, rays) {
             lit &= !(1 << index);
         }
     }
@@ -57,37 +52,66 @@ pub fn visible_lights(tracer: &Tracer, surface: &Surface, appearance: &Appearanc
 /// The local component at `surface` for a viewer that looks along the unit vector `direction`, under the
 /// lights in the mask `lit` (design §2, "Local component").
 pub fn local(scene: &Scene, surface: &Surface, appearance: &Appearance, direction: Vec3, lit: u32) -> Local {
+    let is_lit = |index: usize, _: &Incident| index >= MASK_LIGHTS || lit >> index & 1 == 1;
+    local_where(scene, surface, appearance, direction, is_lit)
+}
+
+/// [`local`] under the lights that [`visible_lights`] would tell, asked on the way.
+#[inline]
+pub fn local_shadowed(
+    tracer: &Tracer,
+    surface: &Surface,
+    appearance: &Appearance,
+    direction: Vec3,
+    rays: &mut Rays,
+) -> Local {
+    let is_lit =
+        |index: usize, incident: &Incident| index >= MASK_LIGHTS || !hidden(tracer, surface, incident, rays);
+    local_where(tracer.scene(), surface, appearance, direction, is_lit)
+}
+
+#[inline(always)]
+fn local_where(
+    scene: &Scene,
+    surface: &Surface,
+    appearance: &Appearance,
+    direction: Vec3,
+    mut is_lit: impl FnMut(usize, &Incident) -> bool,
+) -> Local {
     if scene.materials[surface.material as usize].unlit {
         return Local { textured: appearance.base, added: Vec3::ZERO };
     }
-    let diffuse = diffuse_share(appearance);
-    let exponent = phong_exponent(appearance.roughness);
-    let mut local =
-        Local { textured: appearance.base * (diffuse * scene.ambient), added: appearance.emission };
-    if diffuse <= 0.0 && exponent.is_none() {
-        return local;
-    }
-    let metal = appearance.base * appearance.metallic;
-    let dielectric = appearance.specular * (1.0 - appearance.metallic);
+    let mut local = Local { textured: Vec3::ZERO, added: appearance.emission };
+    let Some(lobes) = Lobes::of(appearance) else { return local };
+    local.textured += lobes.diffuse * scene.ambient;
     for (index, light) in scene.lights.iter().enumerate() {
-        if index < MASK_LIGHTS && lit >> index & 1 == 0 {
-            continue;
-        }
         let incident = light.incident(surface.position);
-        let cos = incident.to_light.dot(surface.n);
-        if cos <= 0.0 {
+        if !faces(surface, &incident) || !is_lit(index, &incident) {
             continue;
         }
+        let cos = incident.to_light.dot(surface.n);
         let irradiance = incident.irradiance * cos;
-        local.textured += irradiance * appearance.base * (diffuse * FRAC_1_PI);
-        if let Some(exponent) = exponent {
+        local.textured += irradiance * lobes.diffuse * FRAC_1_PI;
+        if let Some(exponent) = lobes.exponent {
             let mirrored = surface.n * (2.0 * cos) - incident.to_light;
             let lobe = phong_lobe(exponent, -mirrored.dot(direction));
-            local.textured += irradiance * metal * lobe;
-            local.added += irradiance * dielectric * lobe;
+            local.textured += irradiance * lobes.metal * lobe;
+            local.added += irradiance * lobes.dielectric * lobe;
         }
     }
     local
+}
+
+/// Whether light arrives at the side of the surface that is seen.
+#[inline]
+fn faces(surface: &Surface, incident: &Incident) -> bool {
+    incident.to_light.dot(surface.n) > 0.0 && incident.irradiance.max_element() > 0.0
+}
+
+#[inline]
+fn hidden(tracer: &Tracer, surface: &Surface, incident: &Incident, rays: &mut Rays) -> bool {
+    rays.shadow += 1;
+    tracer.occluded(surface.front(), incident.to_light, incident.distance)
 }
 
 /// Radiance of a ray of unit direction `direction` that leaves the scene.
@@ -98,16 +122,39 @@ pub fn background(scene: &Scene, direction: Vec3) -> Vec3 {
     }
 }
 
-/// Share of the base colour that scatters diffusely.
-fn diffuse_share(appearance: &Appearance) -> f32 {
-    (1.0 - appearance.metallic) * (1.0 - appearance.transmission)
+/// How a surface scatters light, without the base colour texture.
+struct Lobes {
+    /// Diffuse albedo.
+    diffuse: Vec3,
+    /// k_s of the metal, which takes the base colour's texture.
+    metal: Vec3,
+    /// k_s of the dielectric.
+    dielectric: Vec3,
+    /// Phong exponent; `None` without a highlight.
+    exponent: Option<f32>,
 }
 
-/// Phong exponent of a roughness: 2 / roughness⁴ − 2; `None` at roughness 0, which shows no highlight of
-/// a light without extent.
-fn phong_exponent(roughness: f32) -> Option<f32> {
-    let exponent = (2.0 / roughness.powi(4) - 2.0).clamp(0.0, MAX_PHONG_EXPONENT);
-    (roughness > 0.0).then_some(exponent)
+impl Lobes {
+    /// `None` for a surface that does not scatter at all.
+    #[inline]
+    fn of(appearance: &Appearance) -> Option<Self> {
+        let diffuse = (1.0 - appearance.metallic) * (1.0 - appearance.transmission);
+        let metal = appearance.base * appearance.metallic;
+        let dielectric = appearance.specular * (1.0 - appearance.metallic);
+        // Roughness 0 shows no highlight of a light without extent.
+        let highlights = appearance.roughness > 0.0 && (metal + dielectric).max_element() > 0.0;
+        (diffuse > 0.0 || highlights).then(|| Self {
+            diffuse: appearance.base * diffuse,
+            metal,
+            dielectric,
+            exponent: highlights.then(|| phong_exponent(appearance.roughness)),
+        })
+    }
+}
+
+/// 2 / roughness⁴ − 2, within what f32 can hold.
+fn phong_exponent(roughness: f32) -> f32 {
+    (2.0 / roughness.powi(4) - 2.0).clamp(0.0, MAX_PHONG_EXPONENT)
 }
 
 /// The normalised Phong lobe: its integral with the cosine is 1 at normal incidence.

@@ -1,9 +1,11 @@
 //! Surfaces: a hit interpreted as a point with normals, coordinates and material values.
 
+use std::ops::{Add, Mul};
+
 use glam::{Mat3, Vec2, Vec3, Vec4};
 
 use super::{Tracer, optics, texel};
-use crate::scene::{AlphaMode, Geometry, Material, Scene, TextureSlot};
+use crate::scene::{AlphaMode, Material, Scene, TextureSlot};
 
 /// Ray origins leave their face by this many roundings of the largest coordinate around it.
 ///
@@ -14,7 +16,7 @@ const OFFSET_ROUNDINGS: f32 = 32.0;
 /// A point on a face, as seen by a ray that arrives there.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Surface {
-    /// Index into [`Geometry::faces`].
+    /// Index into [`Geometry::faces`](crate::scene::Geometry::faces).
     pub face: u32,
     /// Index into [`Scene::objects`].
     pub object: u32,
@@ -41,56 +43,40 @@ pub struct Surface {
 impl Surface {
     /// The point of `face` with barycentric weights (1 − u − v, u, v), seen along the unit vector
     /// `direction`.
+    #[inline]
     pub fn new(tracer: &Tracer, face: u32, u: f32, v: f32, direction: Vec3) -> Self {
-        let scene = tracer.scene();
-        let geometry = &scene.geometry;
-        let corners = geometry.faces[face as usize];
-        let [a, b, c] = corners.map(|corner| geometry.positions[corner as usize]);
-        let [na, nb, nc] = corners.map(|corner| geometry.normals[corner as usize]);
-        let w = 1.0 - u - v;
-        let object = geometry.face_objects[face as usize];
-        let material = scene.objects[object as usize].material;
-
-        let mut ng = (b - a).cross(c - a).normalize();
-        let mut n = (na * w + nb * u + nc * v).normalize_or(ng);
+        let geometry = &tracer.scene().geometry;
+        let record = tracer.record(face);
+        let weights = [1.0 - u - v, u, v];
+        let mut ng = record.ng;
+        let mut n = record.normals.blend(weights).normalize_or(ng);
         if n.dot(ng) < 0.0 {
             ng = -ng;
         }
-        let uvs = [0, 1].map(|set| {
-            if geometry.uvs[set].is_empty() {
-                return Vec2::ZERO;
-            }
-            let [a, b, c] = corners.map(|corner| geometry.uvs[set][corner as usize]);
-            a * w + b * u + c * v
-        });
-        let material_of = &scene.materials[material as usize];
-        if let (Some(slot), false) = (&material_of.normal_texture, geometry.tangents.is_empty()) {
-            let [ta, tb, tc] = corners.map(|corner| geometry.tangents[corner as usize]);
-            let uv = uvs[usize::from(slot.uv_set)];
-            n = mapped_normal(scene, material_of, slot, uv, n, ta * w + tb * u + tc * v);
+        let mut uvs = [record.uvs.blend(weights), Vec2::ZERO];
+        let mut color = Vec4::ONE;
+        if record.extras {
+            let corners = geometry.faces[face as usize];
+            uvs[1] = corners.map(|corner| geometry.uv(1, corner)).blend(weights);
+            color = corners.map(|corner| geometry.color(corner)).blend(weights);
+            n = mapped_normal(tracer.scene(), record, corners, weights, uvs, n);
         }
         let outside = ng.dot(direction) < 0.0;
         if !outside {
             (ng, n) = (-ng, -n);
         }
-        let color = if geometry.colors.is_empty() {
-            Vec4::ONE
-        } else {
-            let [a, b, c] = corners.map(|corner| geometry.colors[corner as usize]);
-            a * w + b * u + c * v
-        };
         Self {
             face,
-            object,
-            material,
-            vt: scene.objects[object as usize].vt,
+            object: record.object,
+            material: record.material,
+            vt: record.vt,
             outside,
-            position: a * w + b * u + c * v,
+            position: record.positions.blend(weights),
             ng,
             n,
             uvs,
             color,
-            offset: tracer.offset(face),
+            offset: record.offset,
         }
     }
 
@@ -105,38 +91,92 @@ impl Surface {
     }
 }
 
-/// The shading normal bent by a normal map; `n` where the tangent or the texel is unusable.
+/// The shading normal bent by the material's normal map; `n` without one, and where the tangent or the
+/// texel is unusable.
 fn mapped_normal(
     scene: &Scene,
-    material: &Material,
-    slot: &TextureSlot,
-    uv: Vec2,
+    record: &Record,
+    corners: [u32; 3],
+    weights: [f32; 3],
+    uvs: [Vec2; 2],
     n: Vec3,
-    tangent: Vec4,
 ) -> Vec3 {
+    let material = &scene.materials[record.material as usize];
+    let tangents = &scene.geometry.tangents;
+    let (Some(slot), false) = (&material.normal_texture, tangents.is_empty()) else { return n };
+    let tangent = corners.map(|corner| tangents[corner as usize]).blend(weights);
     let across = tangent.truncate();
     let Some(t) = (across - n * n.dot(across)).try_normalize() else { return n };
     let b = n.cross(t) * tangent.w.signum();
-    let texel = texel::lookup(scene, slot, uv).truncate() * 2.0 - 1.0;
+    let texel = texel::lookup(scene, slot, uvs[usize::from(slot.uv_set)]).truncate() * 2.0 - 1.0;
     let scale = Vec3::new(material.normal_scale, material.normal_scale, 1.0);
     (Mat3::from_cols(t, b, n) * (texel * scale)).normalize_or(n)
 }
 
-/// Distance by which rays start off each face, from the largest coordinate and edge of its one-ring:
-/// a vertex lies on all its faces, so that the largest of them decides.
-pub(super) fn offsets(geometry: &Geometry) -> Vec<f32> {
-    let mut around = vec![0.0_f32; geometry.positions.len()];
+/// Interpolation over a face.
+trait Blend<T> {
+    fn blend(self, weights: [f32; 3]) -> T;
+}
+
+impl<T: Copy + Add<Output = T> + Mul<f32, Output = T>> Blend<T> for [T; 3] {
+    #[inline(always)]
+    fn blend(self, [a, b, c]: [f32; 3]) -> T {
+        self[0] * a + self[1] * b + self[2] * c
+    }
+}
+
+/// All that most hits need of a face, in one place instead of six arrays.
+#[derive(Debug, Clone, Copy)]
+pub(super) struct Record {
+    positions: [Vec3; 3],
+    normals: [Vec3; 3],
+    uvs: [Vec2; 3],
+    /// Unit geometric normal, counter-clockwise.
+    ng: Vec3,
+    /// How far rays start off the face.
+    pub(super) offset: f32,
+    object: u32,
+    material: u32,
+    vt: bool,
+    /// Whether vertex colours, the second coordinates or tangents are to be looked at.
+    extras: bool,
+}
+
+/// The records of all faces of `scene`.
+///
+/// Ray origins are offset by the largest coordinate of the face's one-ring: a vertex lies on all its
+/// faces, so that the largest of them decides.
+pub(super) fn records(scene: &Scene) -> Vec<Record> {
+    let geometry = &scene.geometry;
     let reach = |face: &[u32; 3]| {
         face.iter().map(|&v| geometry.positions[v as usize].abs().max_element()).fold(0.0, f32::max)
     };
+    let mut around = vec![0.0_f32; geometry.positions.len()];
     for face in &geometry.faces {
         let reach = reach(face);
         for &vertex in face {
             around[vertex as usize] = around[vertex as usize].max(reach);
         }
     }
-    let largest = |face: &[u32; 3]| face.iter().map(|&v| around[v as usize]).fold(0.0, f32::max);
-    geometry.faces.iter().map(|face| largest(face) * (OFFSET_ROUNDINGS * f32::EPSILON * 0.5)).collect()
+    let record = |(face, corners): (usize, &[u32; 3])| {
+        let object_index = geometry.face_objects[face];
+        let object = &scene.objects[object_index as usize];
+        let reach = corners.iter().map(|&v| around[v as usize]).fold(0.0, f32::max);
+        Record {
+            positions: geometry.corners(face as u32),
+            normals: corners.map(|v| geometry.normals[v as usize]),
+            uvs: corners.map(|v| geometry.uv(0, v)),
+            ng: geometry.area_normal(face as u32).normalize(),
+            offset: reach * (OFFSET_ROUNDINGS * f32::EPSILON * 0.5),
+            object: object_index,
+            material: object.material,
+            vt: object.vt,
+            extras: !geometry.colors.is_empty()
+                || !geometry.uvs[1].is_empty()
+                || scene.materials[object.material as usize].normal_texture.is_some(),
+        }
+    };
+    geometry.faces.iter().enumerate().map(record).collect()
 }
 
 /// Material values at a point, textures looked up; the base colour texture is kept apart, since the
@@ -163,6 +203,7 @@ pub struct Appearance {
 
 impl Appearance {
     /// The values of the surface's material at the surface.
+    #[inline]
     pub fn new(scene: &Scene, surface: &Surface) -> Self {
         let material = &scene.materials[surface.material as usize];
         let texel = |slot: &Option<TextureSlot>| match slot {

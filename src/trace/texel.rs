@@ -5,7 +5,7 @@ use std::sync::LazyLock;
 
 use glam::{Vec2, Vec3, Vec4};
 
-use crate::scene::{Environment, Filter, Scene, TextureSlot, Wrap};
+use crate::scene::{Environment, Filter, Image, Scene, TextureSlot, Wrap};
 
 /// Value of every byte: as it is meant linearly, and decoded from sRGB (IEC 61966-2-1).
 struct Decoded {
@@ -34,27 +34,34 @@ pub fn lookup(scene: &Scene, slot: &TextureSlot, uv: Vec2) -> Vec4 {
     let (width, height) = (image.width, image.height);
     let decoded = &*DECODED;
     let color = if texture.srgb { &decoded.srgb } else { &decoded.linear };
-    let texel = |x: u32, y: u32| {
-        let i = (y as usize * width as usize + x as usize) * 4;
-        let [r, g, b, a]: [u8; 4] = image.rgba[i..i + 4].try_into().expect("four bytes a texel");
-        Vec4::new(
-            color[usize::from(r)],
-            color[usize::from(g)],
-            color[usize::from(b)],
-            decoded.linear[usize::from(a)],
-        )
-    };
     if sampler.mag == Filter::Nearest {
         let x = wrap(sampler.wrap_u, (uv.x * width as f32).floor(), width);
         let y = wrap(sampler.wrap_v, (uv.y * height as f32).floor(), height);
-        return texel(x, y);
+        return texel(image, color, x, y);
     }
     let at = uv * Vec2::new(width as f32, height as f32) - 0.5;
     let low = at.floor();
-    let part = at - low;
     let (x0, x1) = (wrap(sampler.wrap_u, low.x, width), wrap(sampler.wrap_u, low.x + 1.0, width));
     let (y0, y1) = (wrap(sampler.wrap_v, low.y, height), wrap(sampler.wrap_v, low.y + 1.0, height));
-    bilinear(part, [texel(x0, y0), texel(x1, y0), texel(x0, y1), texel(x1, y1)])
+    let corners = [
+        texel(image, color, x0, y0),
+        texel(image, color, x1, y0),
+        texel(image, color, x0, y1),
+        texel(image, color, x1, y1),
+    ];
+    bilinear(at - low, corners)
+}
+
+#[inline]
+fn texel(image: &Image, color: &[f32; 256], x: u32, y: u32) -> Vec4 {
+    let i = (y as usize * image.width as usize + x as usize) * 4;
+    let texel = &image.rgba[i..i + 4];
+    Vec4::new(
+        color[usize::from(texel[0])],
+        color[usize::from(texel[1])],
+        color[usize::from(texel[2])],
+        f32::from(texel[3]) / 255.0,
+    )
 }
 
 /// Linear radiance of the panorama in the unit direction `direction`, bilinear.
@@ -78,6 +85,7 @@ pub fn environment(panorama: &Environment, direction: Vec3) -> Vec3 {
     bilinear(at - low, corners).truncate()
 }
 
+#[inline]
 fn bilinear(part: Vec2, [a, b, c, d]: [Vec4; 4]) -> Vec4 {
     let (s, t) = (part.x, part.y);
     a * ((1.0 - s) * (1.0 - t)) + b * (s * (1.0 - t)) + c * ((1.0 - s) * t) + d * (s * t)
@@ -88,9 +96,11 @@ fn bilinear(part: Vec2, [a, b, c, d]: [Vec4; 4]) -> Vec4 {
 fn wrap(mode: Wrap, at: f32, size: u32) -> u32 {
     // Casts saturate and turn NaN into 0: broken coordinates read some texel, never none.
     let (at, size) = (at as i64, i64::from(size));
+    if (0..size).contains(&at) {
+        return at as u32;
+    }
     let inside = match mode {
         Wrap::Clamp => at.clamp(0, size - 1),
-        Wrap::Repeat if (0..size).contains(&at) => at,
         Wrap::Repeat => at.rem_euclid(size),
         Wrap::Mirror => {
             let period = at.rem_euclid(2 * size);
