@@ -178,12 +178,7 @@ impl<'s> Renderer<'s> {
         let scene = self.scene;
         let info = self.gpu.info();
         Stats {
-            scene: stats::SceneStats {
-                triangles: scene.geometry.faces.len() as u64,
-                vt_faces: scene.vt_faces() as u64,
-                textures: scene.textures.len() as u64,
-                lights: scene.lights.len() as u64,
-            },
+            scene: stats::SceneStats::of(scene),
             image: stats::ImageStats { width: view.width, height: view.height, vt_pixels: 0 },
             time_ms: stats::Times { bvh: self.bvh_ms, ..stats::Times::default() },
             left_out: self.plan.left_out.clone(),
