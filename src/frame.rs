@@ -92,8 +92,14 @@ impl<'s> Renderer<'s> {
         let mut uploads = Uploads::new(gpu, "texture uploads", TEXTURE_STAGING)?;
         let bank = Bank::new(&mut uploads, scene, &plan.textures, options.method.filter)?;
         let table = SceneTable::new(scene, &targets, &bank, options.scene.fresnel);
-        let base_textures: Vec<u32> = scene.materials.iter().map(|m| bank.reference(m.base_color_texture)).collect();
-        let base = base_faces(scene, &table, &base_textures, traced.as_ref().map(|traced| traced.classes.as_slice()));
+        let base_textures: Vec<u32> =
+            scene.materials.iter().map(|m| bank.reference(m.base_color_texture)).collect();
+        let base = base_faces(
+            scene,
+            &table,
+            &base_textures,
+            traced.as_ref().map(|traced| traced.classes.as_slice()),
+        );
         let pass_options = PassOptions {
             passes: plan.passes.clone(),
             equation: options.method.equation,
@@ -169,8 +175,10 @@ impl<'s> Renderer<'s> {
         let timings = self.painter.draw(&block, leaves.as_ref())?;
         stats.time_ms.draw = ms(time);
         stats.time_ms.frame = ms(started);
-        stats.passes =
-            timings.into_iter().map(|timing| stats::Pass { name: timing.name.into(), ms: timing.ms }).collect();
+        stats.passes = timings
+            .into_iter()
+            .map(|timing| stats::Pass { name: timing.name.into(), ms: timing.ms })
+            .collect();
         Ok(Frame { image: self.painter.read_image()?, stats })
     }
 
@@ -223,13 +231,20 @@ fn sample(
     let refined = ms(time);
 
     let time = Instant::now();
-    let (traced_pixels, pixel_rays) = pixels::trace(&context, &refiner.mesh, visible.ids, &refiner.pixel_faces);
+    let (traced_pixels, pixel_rays) =
+        pixels::trace(&context, &refiner.mesh, visible.ids, &refiner.pixel_faces);
     let pixels_ms = ms(time);
     stats.time_ms.trace = refiner.samples.time.as_secs_f64() * 1e3 + pixels_ms;
 
     let time = Instant::now();
-    let leaves =
-        leaves::assemble(matcher, view, &refiner.mesh, &refiner.samples, &traced_pixels, &refiner.pixel_faces);
+    let leaves = leaves::assemble(
+        matcher,
+        view,
+        &refiner.mesh,
+        &refiner.samples,
+        &traced_pixels,
+        &refiner.pixel_faces,
+    );
     stats.time_ms.refine = refined - refiner.samples.time.as_secs_f64() * 1e3 + ms(time);
 
     stats.samples = refiner.samples.len() as u64;
@@ -286,9 +301,9 @@ fn base_faces(
         return base;
     }
     opaque.sort_unstable();
-    let groups = opaque.chunk_by(|a, b| a.0 == b.0).map(|group| {
-        (group[0].0, false, group.iter().map(|&(_, index)| index).collect::<Vec<_>>())
-    });
+    let groups = opaque
+        .chunk_by(|a, b| a.0 == b.0)
+        .map(|group| (group[0].0, false, group.iter().map(|&(_, index)| index).collect::<Vec<_>>()));
     let blended = blended.into_iter().map(|index| {
         let cull = !scene.materials[scene.objects[index].material as usize].double_sided;
         ((cull, array(index)), true, vec![index])
@@ -299,7 +314,12 @@ fn base_faces(
             let faces = scene.objects[object].faces.clone();
             base.leaves.extend(faces.map(|face| leaves::base_leaf(scene, table, face)));
         }
-        base.draws.push(BaseDraw { leaves: start..base.leaves.len() as u32, array, cull, blended: is_blended });
+        base.draws.push(BaseDraw {
+            leaves: start..base.leaves.len() as u32,
+            array,
+            cull,
+            blended: is_blended,
+        });
     }
     base.vertices = leaves::base_vertices(&scene.geometry);
     base

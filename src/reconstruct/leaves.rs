@@ -144,9 +144,7 @@ pub fn assemble(
             let corners = mesh.faces[face as usize].corners;
             let object = scene.geometry.face_objects[mesh.faces[face as usize].base as usize];
             let object = &scene.objects[object as usize];
-            let lit = (0..3).fold(0, |lit, i| {
-                lit | (samples.get(corners[i]).primary.lit & 0xff) << (8 * i)
-            });
+            let lit = (0..3).fold(0, |lit, i| lit | (samples.get(corners[i]).primary.lit & 0xff) << (8 * i));
             let mut leaf = GpuLeaf {
                 vertices: corners,
                 material: matcher.table.material(object.material),

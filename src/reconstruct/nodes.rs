@@ -157,7 +157,8 @@ impl Matcher<'_> {
         let lit = (0..3).fold(0, |lit, i| lit | (nodes[i].lit & 0xff) << (8 * i));
         let single = nodes.iter().all(|node| node.target == first.target);
         let flat = target.patch.is_some() && first.bounces == 1 && single;
-        let emissive = self.scene.materials.get(target.material as usize).is_some_and(|m| m.emissive_texture.is_some());
+        let emissive =
+            self.scene.materials.get(target.material as usize).is_some_and(|m| m.emissive_texture.is_some());
         if flat && leaf.first.is_none() && !emissive {
             leaf.first = Some((self.table.target(first.target), lit | (branch as u32) << 31));
             leaf.first_texture = self.base_textures[target.material as usize];
@@ -211,15 +212,15 @@ impl Matcher<'_> {
                     v.truncate().dot(origin) + v.w * scale,
                 )
             });
-            let rest =
-                rays.map(|(_, d)| Vec4::new(u.truncate().dot(d), v.truncate().dot(d), 0.0, 0.0));
+            let rest = rays.map(|(_, d)| Vec4::new(u.truncate().dot(d), v.truncate().dot(d), 0.0, 0.0));
             (head(NODE_TEXTURE, texture()), [scaled, bundle, rest])
         } else {
             let weights: [f32; 3] =
                 std::array::from_fn(|i| corners[i].distance.map_or(1.0, |e| e / (e + nodes[i].after)));
             let scaled = std::array::from_fn(|i| shades[i].extend(weights[i]));
-            let projective =
-                std::array::from_fn(|i| Vec4::new(0.0, 1.0, nodes[i].uv.x * weights[i], nodes[i].uv.y * weights[i]));
+            let projective = std::array::from_fn(|i| {
+                Vec4::new(0.0, 1.0, nodes[i].uv.x * weights[i], nodes[i].uv.y * weights[i])
+            });
             (head(NODE_TEXTURE, texture()), [scaled, projective, [Vec4::ZERO; 3]])
         };
         if head[0] & 7 == NODE_TEXTURE {
@@ -237,9 +238,5 @@ impl Matcher<'_> {
 /// `value` before the attenuation at the primary hit, which the shader multiplies in per fragment.
 fn before(value: Vec3, attenuation: Vec3) -> Vec3 {
     let one = |value: f32, attenuation: f32| if attenuation > 1e-6 { value / attenuation } else { 0.0 };
-    Vec3::new(
-        one(value.x, attenuation.x),
-        one(value.y, attenuation.y),
-        one(value.z, attenuation.z),
-    )
+    Vec3::new(one(value.x, attenuation.x), one(value.y, attenuation.y), one(value.z, attenuation.z))
 }

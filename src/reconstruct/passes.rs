@@ -205,7 +205,8 @@ impl Painter {
                 ("environment", Resource::Textures(&[bank.environment()])),
             ],
         )?;
-        let base_list = LeafList::new(gpu, &layouts[1], "base", &mut uploads, &base.vertices, &base.leaves, &[])?;
+        let base_list =
+            LeafList::new(gpu, &layouts[1], "base", &mut uploads, &base.vertices, &base.leaves, &[])?;
         uploads.flush()?;
         Ok(Self {
             gpu: gpu.clone(),
@@ -273,7 +274,13 @@ impl Painter {
         let mut keys: Vec<PipelineKey> = Vec::new();
         if has_leaves {
             for (index, pass) in self.options.passes.iter().enumerate() {
-                let kinds = [(LEAVES_PLAIN, false), (LEAVES_FIRST, false), (LEAVES_NODES, false), (LEAVES_NODES, true), (LEAVES_ALL, true)];
+                let kinds = [
+                    (LEAVES_PLAIN, false),
+                    (LEAVES_FIRST, false),
+                    (LEAVES_NODES, false),
+                    (LEAVES_NODES, true),
+                    (LEAVES_ALL, true),
+                ];
                 keys.extend(kinds.into_iter().filter_map(|(kind, mixed)| {
                     let arrays = [0, 0, if mixed { MIXED_ARRAYS } else { 0 }];
                     drawn(index, kind).then(|| leaf_key(*pass, index, Group { kind, arrays }))
@@ -324,7 +331,9 @@ impl Painter {
         let passes = self.options.passes.clone();
         let draws = leaves.map_or(Vec::new(), leaf_draws);
         for draw in &draws {
-            for (index, &pass) in passes.iter().enumerate().filter(|&(index, _)| drawn(index, draw.group.kind)) {
+            for (index, &pass) in
+                passes.iter().enumerate().filter(|&(index, _)| drawn(index, draw.group.kind))
+            {
                 self.pipeline(leaf_key(pass, index, draw.group))?;
             }
             self.array_set(bound_arrays(draw.group.arrays))?;
@@ -339,7 +348,18 @@ impl Painter {
         let blended = self.blended_draws();
 
         self.uploads.write(&self.frame, 0, std::slice::from_ref(block))?;
-        let Self { commands, uploads, target, pipelines, scene_set, base, base_draws, dynamic, array_sets, .. } = self;
+        let Self {
+            commands,
+            uploads,
+            target,
+            pipelines,
+            scene_set,
+            base,
+            base_draws,
+            dynamic,
+            array_sets,
+            ..
+        } = self;
         let Some(target) = target else { return Ok(Vec::new()) };
         let mut recording = commands.begin()?;
         uploads.record(&mut recording);
@@ -360,7 +380,12 @@ impl Painter {
                     let opaque = (0..base_draws.len()).filter(|&draw| !base_draws[draw].blended);
                     for draw in opaque {
                         let arrays = &array_sets[&[base_draws[draw].array, 0, 0]];
-                        draw_base(commands, &pipelines[&base_keys[draw]], [scene_set, &base.set, arrays], &base_draws[draw]);
+                        draw_base(
+                            commands,
+                            &pipelines[&base_keys[draw]],
+                            [scene_set, &base.set, arrays],
+                            &base_draws[draw],
+                        );
                     }
                 });
             });
@@ -370,7 +395,12 @@ impl Painter {
                 target.render(recording, false, |commands| {
                     for draw in blended {
                         let arrays = &array_sets[&[base_draws[draw].array, 0, 0]];
-                        draw_base(commands, &pipelines[&base_keys[draw]], [scene_set, &base.set, arrays], &base_draws[draw]);
+                        draw_base(
+                            commands,
+                            &pipelines[&base_keys[draw]],
+                            [scene_set, &base.set, arrays],
+                            &base_draws[draw],
+                        );
                     }
                 });
             });
@@ -556,7 +586,11 @@ impl LeafList {
     ) -> Result<Self> {
         // Room to grow by half without a new buffer.
         let make = |what: &str, bytes: usize| {
-            DeviceBuffer::new(gpu, &format!("{name} {what}"), (bytes as u64 * 3 / 2).max(256).next_multiple_of(16))
+            DeviceBuffer::new(
+                gpu,
+                &format!("{name} {what}"),
+                (bytes as u64 * 3 / 2).max(256).next_multiple_of(16),
+            )
         };
         let buffers = [
             make("vertices", size_of_val(vertices))?,
