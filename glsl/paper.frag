@@ -2,6 +2,8 @@
 // Eq. 3 and Eq. 4 of the paper from interpolated coordinates and colours (§4.1, §4.2).
 #extension GL_EXT_scalar_block_layout : require
 #extension GL_GOOGLE_include_directive : require
+// The textures bound for a draw: the leaves' primary one, then that of the reflected and the transmitted branch,
+// each with its own sampler.
 #include "bank.glsl"
 
 // LEAVES_PLAIN: no specular part.
@@ -22,20 +24,23 @@ layout(location = 10) flat in uvec3 textures;
 layout(location = 0) out vec4 radiance;
 
 void main() {
-    vec4 texel = bank_texel(textures.x, base.xy, dFdx(base.xy), dFdy(base.xy));
+    vec4 texel = bound_texel(own_texture, textures.x, base.xy, dFdx(base.xy), dFdy(base.xy));
     if (base.z * texel.a < base.w) discard;
 
     vec3 sum = vec3(0.0);
     if ((COMPONENTS & COMPONENT_PRIMARY) != 0u) sum += primary_textured * texel.rgb + primary_added;
     if (LEAVES != LEAVES_PLAIN) {
-        vec2 uv[2] = vec2[2](branch_uv.xy, branch_uv.zw);
+        vec2 dx[2] = vec2[2](dFdx(branch_uv.xy), dFdx(branch_uv.zw));
+        vec2 dy[2] = vec2[2](dFdy(branch_uv.xy), dFdy(branch_uv.zw));
         for (uint b = 0u; b < 2u; ++b) {
             bool has_textured = (COMPONENTS & (COMPONENT_REFLECTED << b)) != 0u;
             bool has_comb = (COMPONENTS & (COMPONENT_REFLECTED_COMB << b)) != 0u;
             if (!has_textured && !has_comb) continue;
             vec3 branch_texel = vec3(1.0);
             if (has_textured || EQUATION_FOUR) {
-                branch_texel = bank_texel(textures[1u + b], uv[b], dFdx(uv[b]), dFdy(uv[b])).rgb;
+                branch_texel = b == 0u
+                    ? bound_texel(first_texture, textures.y, branch_uv.xy, dx[0], dy[0]).rgb
+                    : bound_texel(node_texture, textures.z, branch_uv.zw, dx[1], dy[1]).rgb;
             }
             vec3 branch_sum = vec3(0.0);
             if (has_textured) branch_sum += shade[b] * branch_texel;

@@ -9,8 +9,8 @@ use crate::gpu::{Gpu, Uploads};
 use crate::options::{Msaa, Options, Reconstruction, Ss};
 use crate::plan::Plan;
 use crate::reconstruct::bank::Bank;
-use crate::reconstruct::frame_block::FrameBlock;
 use crate::reconstruct::drawn::Drawn;
+use crate::reconstruct::frame_block::FrameBlock;
 use crate::reconstruct::leaves;
 use crate::reconstruct::nodes::Matcher;
 use crate::reconstruct::paper;
@@ -94,8 +94,14 @@ impl<'s> Renderer<'s> {
         let mut uploads = Uploads::new(gpu, "texture uploads", TEXTURE_STAGING)?;
         let bank = Bank::new(&mut uploads, scene, &plan.textures, options.method.filter)?;
         let table = SceneTable::new(scene, &targets, &bank, options.scene.fresnel);
-        let base_textures = scene.materials.iter().map(|m| bank.reference(m.base_color_texture)).collect();
-        let base = base_faces(scene, &table, traced.as_ref().map(|traced| traced.classes.as_slice()));
+        let base_textures: Vec<u32> =
+            scene.materials.iter().map(|m| bank.reference(m.base_color_texture)).collect();
+        let base = base_faces(
+            scene,
+            &table,
+            &base_textures,
+            traced.as_ref().map(|traced| traced.classes.as_slice()),
+        );
         let pass_options = PassOptions {
             reconstruction: options.method.reconstruction,
             passes: plan.passes.clone(),
@@ -109,6 +115,8 @@ impl<'s> Renderer<'s> {
             detail_textures: plan.detail_textures,
             lights: (scene.lights.len() as u32).min(MAX_LIGHTS),
             highlights: plan.highlights,
+            emission_textures: plan.emission_textures,
+            base_textures: plan.base_textures,
         };
         let painter = Painter::new(gpu, pass_options, bank, &table, &base)?;
         let settings = Settings::new(&options.paths, &options.scene);
@@ -167,14 +175,19 @@ impl<'s> Renderer<'s> {
         }
         stats.time_ms.upload = ms(time);
         let time = Instant::now();
-        let (passes, nothing) = self.plan.passes_for(leaves.as_ref().map_or(COMPONENT_PRIMARY, Drawn::components));
+        let (passes, nothing) =
+            self.plan.passes_for(leaves.as_ref().map_or(COMPONENT_PRIMARY, Drawn::components));
         stats.left_out.extend(nothing);
         let drawings = self.painter.draw(&block, leaves.as_ref(), &passes)?;
         stats.time_ms.draw = ms(time);
         stats.time_ms.frame = ms(started);
         stats.passes = drawings
             .into_iter()
-            .map(|drawing| stats::Pass { name: drawing.name.into(), ms: drawing.ms, draws: drawing.draws.into() })
+            .map(|drawing| stats::Pass {
+                name: drawing.name.into(),
+                ms: drawing.ms,
+                draws: drawing.draws.into(),
+            })
             .collect();
         Ok(Frame { image: self.painter.read_image()?, stats })
     }
@@ -183,12 +196,7 @@ impl<'s> Renderer<'s> {
         let scene = self.scene;
         let info = self.gpu.info();
         Stats {
-            scene: stats::SceneStats {
-                triangles: scene.geometry.faces.len() as u64,
-                vt_faces: scene.vt_faces() as u64,
-                textures: scene.textures.len() as u64,
-                lights: scene.lights.len() as u64,
-            },
+            scene: stats::SceneStats::of(scene),
             image: stats::ImageStats { width: view.width, height: view.height, vt_pixels: 0 },
             time_ms: stats::Times { bvh: self.bvh_ms, ..stats::Times::default() },
             left_out: self.plan.left_out.clone(),
@@ -233,7 +241,8 @@ fn sample(
     let refined = ms(time);
 
     let time = Instant::now();
-    let (traced_pixels, pixel_rays) = pixels::trace(&context, &refiner.mesh, visible.ids, &refiner.pixel_faces);
+    let (traced_pixels, pixel_rays) =
+        pixels::trace(&context, &refiner.mesh, visible.ids, &refiner.pixel_faces);
     let pixels_ms = ms(time);
     stats.time_ms.trace = refiner.samples.time.as_secs_f64() * 1e3 + pixels_ms;
 
@@ -286,10 +295,16 @@ fn ray_stats(vertices: Rays, pixels: Rays, _traced: usize) -> stats::Rays {
 }
 
 /// Faces that are drawn without samples: all of them if nothing is traced, else occluders and blended faces.
-fn base_faces(scene: &Scene, table: &SceneTable, classes: Option<&[Class]>) -> BaseFaces {
+fn base_faces(
+    scene: &Scene,
+    table: &SceneTable,
+    base_textures: &[u32],
+    classes: Option<&[Class]>,
+) -> BaseFaces {
     let mut base = BaseFaces::default();
-    let mut opaque: Vec<(bool, usize)> = Vec::new();
+    let mut opaque: Vec<((bool, u32), usize)> = Vec::new();
     let mut blended: Vec<usize> = Vec::new();
+    let array = |object: usize| leaves::array_of(base_textures[scene.objects[object].material as usize]);
     for (index, object) in scene.objects.iter().enumerate() {
         let class = classes.map_or(Class::Occluder, |classes| classes[index]);
         let material = &scene.materials[object.material as usize];
@@ -297,7 +312,7 @@ fn base_faces(scene: &Scene, table: &SceneTable, classes: Option<&[Class]>) -> B
         match class {
             Class::Vt => {}
             _ if is_blended => blended.push(index),
-            Class::Occluder => opaque.push((!material.double_sided, index)),
+            Class::Occluder => opaque.push(((!material.double_sided, array(index)), index)),
             Class::Shadow => {}
         }
     }
@@ -305,19 +320,25 @@ fn base_faces(scene: &Scene, table: &SceneTable, classes: Option<&[Class]>) -> B
         return base;
     }
     opaque.sort_unstable();
-    let groups = opaque.chunk_by(|a, b| a.0 == b.0).map(|group| {
-        (group[0].0, false, group.iter().map(|&(_, index)| index).collect::<Vec<_>>())
-    });
+    let groups = opaque
+        .chunk_by(|a, b| a.0 == b.0)
+        .map(|group| (group[0].0, false, group.iter().map(|&(_, index)| index).collect::<Vec<_>>()));
     let blended = blended.into_iter().map(|index| {
-        (!scene.materials[scene.objects[index].material as usize].double_sided, true, vec![index])
+        let cull = !scene.materials[scene.objects[index].material as usize].double_sided;
+        ((cull, array(index)), true, vec![index])
     });
-    for (cull, is_blended, objects) in groups.chain(blended) {
+    for ((cull, array), is_blended, objects) in groups.chain(blended) {
         let start = base.leaves.len() as u32;
         for object in objects {
             let faces = scene.objects[object].faces.clone();
             base.leaves.extend(faces.map(|face| leaves::base_leaf(scene, table, face)));
         }
-        base.draws.push(BaseDraw { leaves: start..base.leaves.len() as u32, cull, blended: is_blended });
+        base.draws.push(BaseDraw {
+            leaves: start..base.leaves.len() as u32,
+            array,
+            cull,
+            blended: is_blended,
+        });
     }
     base.vertices = leaves::base_vertices(&scene.geometry);
     base

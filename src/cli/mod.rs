@@ -30,6 +30,7 @@ pub struct Cli {
 
 #[derive(Debug, Subcommand)]
 enum Command {
+    Render(Box<render::RenderArgs>),
     Reference(Box<reference::ReferenceArgs>),
     Compare(compare::CompareArgs),
     Devices(devices::DevicesArgs),
@@ -71,6 +72,7 @@ pub fn main() -> ExitCode {
     let outcome = terminal::catch(|| {
         let cli = Cli::try_parse()?;
         match cli.command {
+            Command::Render(args) => render::run(&args)?,
             Command::Reference(args) => reference::run(&args)?,
             Command::Compare(args) => compare::run(&args)?,
             Command::Devices(args) => devices::run(&args)?,

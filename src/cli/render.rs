@@ -1,15 +1,21 @@
 //! `vtrace render`: the picture by vertex tracing.
 
-use std::path::PathBuf;
+use std::{path::PathBuf, time::Instant};
 
 use clap::Args;
 
 use super::{
+    Failure,
     args::{EffortArgs, MethodArgs, PathArgs, SceneArgs, ThreadArgs, ViewArgs},
     output::OutputArgs,
-    values,
+    scene, values,
 };
-use crate::options::{Options, Show};
+use crate::{
+    error::{Error, Result},
+    frame::Renderer,
+    gpu::{self, Gpu},
+    options::{Options, Show, VisibilityWay},
+};
 
 /// Render a picture by vertex tracing
 #[derive(Debug, Args)]
@@ -18,8 +24,7 @@ Examples:
   vtrace render scene.glb -o picture.png
   vtrace render scene.glb -o picture.exr --size 1920x1080 --eye 0,1.5,4 --target 0,0.5,0
   vtrace render scene.glb -o quick.png --preview --stats -
-  vtrace render scene.glb -o paper.png --reconstruction paper --max-samples 47000
-  vtrace render scene.glb -o mask.png --show vt-mask")]
+  vtrace render scene.glb -o paper.png --reconstruction paper --max-samples 47000")]
 #[allow(missing_docs)] // the comments are the help texts
 pub struct RenderArgs {
     /// Scene, a .glb or .gltf file
@@ -76,6 +81,39 @@ impl RenderArgs {
     }
 }
 
+pub(super) fn run(args: &RenderArgs) -> Result<(), Failure> {
+    let options = args.options().map_err(|problem| Failure::conflict("render", problem))?;
+    refuse_unavailable(args)?;
+    args.threads.apply()?;
+    args.out.check(args.output.as_deref())?;
+
+    let start = Instant::now();
+    let scene = scene::load(&args.scene, &options.scene)?;
+    let view = options.view.resolve(&scene)?;
+    let load = start.elapsed().as_secs_f64() * 1e3;
+
+    let gpu = Gpu::new(&gpu::Options { device: options.device.clone(), validation: false })?;
+    let mut renderer = Renderer::new(&gpu, &scene, &options)?;
+    let warmup = renderer.warm_up(&view)?;
+    let mut frame = renderer.render(&view)?;
+    frame.stats.time_ms.load = load;
+    frame.stats.time_ms.warmup = warmup;
+    args.out.write(args.output.as_deref(), &frame.image, &frame.stats)?;
+    Ok(())
+}
+
+/// Options that the renderer does not know yet are refused by name, never ignored.
+fn refuse_unavailable(args: &RenderArgs) -> Result<()> {
+    let way = args.method.visibility;
+    let unavailable = match (args.show, &args.progressive) {
+        (Some(show), _) => format!("--show {show}"),
+        (None, Some(_)) => "--progressive".into(),
+        (None, None) if way != VisibilityWay::IdBuffer => format!("--visibility {way}"),
+        (None, None) => return Ok(()),
+    };
+    Err(Error::Option(format!("{unavailable} is not available in this version")))
+}
+
 #[cfg(test)]
 mod tests {
     use std::time::Duration;
@@ -84,9 +122,7 @@ mod tests {
     use glam::{DVec3, Vec3};
 
     use super::*;
-    use crate::options::{
-        CameraChoice, Equation, FilterMode, Mode, Msaa, Reconstruction, Shadows, Ss, VisibilityWay,
-    };
+    use crate::options::{CameraChoice, Equation, FilterMode, Mode, Msaa, Reconstruction, Shadows, Ss};
 
     #[derive(Debug, Parser)]
     struct Program {

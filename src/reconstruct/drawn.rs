@@ -1,6 +1,6 @@
 //! What a frame draws of leaves, whichever way they are reconstructed.
 
-use super::leaves::{GROUPS, GpuLeaf, GpuVertex, Leaves};
+use super::leaves::{GpuLeaf, GpuVertex, Group, Leaves};
 use super::paper::{PaperLeaf, PaperLeaves, PaperVertex};
 use crate::options::Reconstruction;
 
@@ -42,17 +42,17 @@ impl Drawn {
         }
     }
 
-    /// Number of leaves of each of [`GROUPS`], in the order of the records.
-    pub fn groups(&self) -> [u32; GROUPS.len()] {
+    /// The groups in the order of the records, with the number of leaves of each.
+    pub fn groups(&self) -> &[(Group, u32)] {
         match self {
-            Self::Exact(leaves) => leaves.groups,
-            Self::Paper(leaves) => leaves.groups,
+            Self::Exact(leaves) => &leaves.groups,
+            Self::Paper(leaves) => &leaves.groups,
         }
     }
 
     /// Number of leaves.
     pub fn len(&self) -> u64 {
-        self.groups().into_iter().map(u64::from).sum()
+        self.groups().iter().map(|&(_, count)| u64::from(count)).sum()
     }
 
     /// Whether nothing is drawn.

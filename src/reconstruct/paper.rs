@@ -1,11 +1,13 @@
 //! The paper's own reconstruction (§4): texture coordinates and colours of the vertices, interpolated by the
 //! rasteriser, with its error (Fig. 9). The baseline for the exact one.
 
+use std::collections::BTreeMap;
+
 use bytemuck::{Pod, Zeroable};
 use glam::{Vec2, Vec3};
 use rayon::prelude::*;
 
-use super::leaves::GROUPS;
+use super::leaves::{Group, array_of};
 use super::nodes::before;
 use crate::constants::*;
 use crate::refine::mesh::{Mesh, Vertex};
@@ -57,10 +59,11 @@ pub struct PaperLeaf {
 pub struct PaperLeaves {
     /// One record a vertex of the refined mesh.
     pub vertices: Vec<PaperVertex>,
-    /// Leaves, by group: shadow receivers are the plain ones.
+    /// Leaves, by group.
     pub leaves: Vec<PaperLeaf>,
-    /// Number of leaves of each of [`GROUPS`].
-    pub groups: [u32; GROUPS.len()],
+    /// The groups in the order of `leaves`, with the number of leaves of each. A group's arrays are those of
+    /// its primary, reflected and transmitted textures.
+    pub groups: Vec<(Group, u32)>,
     /// Leaves of specular objects that are defined faces (Fig. 5).
     pub defined: u32,
     /// Other leaves of specular objects (Fig. 6).
@@ -160,20 +163,17 @@ pub fn assemble(
         })
         .collect();
 
-    let count = |wanted| built.iter().filter(|(_, defined)| *defined == wanted).count() as u32;
-    let (defined, undefined, plain) = (count(Some(true)), count(Some(false)), count(None));
-    let group = |specular| built.iter().filter(move |leaf| leaf.1.is_some() == specular).map(|leaf| leaf.0);
-    PaperLeaves {
-        vertices,
-        leaves: group(false).chain(group(true)).collect(),
-        groups: GROUPS.map(|group| match group {
-            LEAVES_PLAIN => plain,
-            LEAVES_NODES => defined + undefined,
-            _ => 0,
-        }),
-        defined,
-        undefined,
+    let mut result = PaperLeaves { vertices, ..PaperLeaves::default() };
+    let mut groups: BTreeMap<Group, Vec<PaperLeaf>> = BTreeMap::new();
+    for (leaf, defined) in built {
+        let kind = if defined.is_some() { LEAVES_NODES } else { LEAVES_PLAIN };
+        groups.entry(Group { kind, arrays: leaf.textures.map(array_of) }).or_default().push(leaf);
+        result.defined += u32::from(defined == Some(true));
+        result.undefined += u32::from(defined == Some(false));
     }
+    result.groups = groups.iter().map(|(&group, leaves)| (group, leaves.len() as u32)).collect();
+    result.leaves = groups.into_values().flatten().collect();
+    result
 }
 
 fn record(scene: &Scene, vertex: &Vertex, position: Vec3, sample: Sample) -> PaperVertex {

@@ -7,7 +7,7 @@ use std::sync::Arc;
 use super::bank::Bank;
 use super::drawn::Drawn;
 use super::frame_block::FrameBlock;
-use super::leaves::{GROUPS, GpuLeaf, GpuVertex};
+use super::leaves::{GpuLeaf, GpuVertex, Group};
 use super::table::SceneTable;
 use crate::constants::*;
 use crate::error::Result;
@@ -31,6 +31,13 @@ pub const SCENE_BINDINGS: [Binding; 4] = [
 /// Bindings of set 1: what one list of leaves reads.
 pub const LEAF_BINDINGS: [Binding; 3] =
     [Binding::storage("vertices"), Binding::storage("leaves"), Binding::texels("node_table")];
+
+/// Bindings of set 2: the arrays of one group of leaves.
+pub const ARRAY_BINDINGS: [Binding; 3] = [
+    Binding::textures("own_texture", 1),
+    Binding::textures("first_texture", 1),
+    Binding::textures("node_texture", 1),
+];
 
 const UPLOAD_BYTES: u64 = 16 << 20;
 
@@ -88,6 +95,7 @@ pub struct Drawing {
 struct PipelineKey {
     reconstruction: Reconstruction,
     leaves: u32,
+    mixed: bool,
     components: u32,
     blend: PassBlend,
     cull: bool,
@@ -119,6 +127,10 @@ pub struct PassOptions {
     pub lights: u32,
     /// Whether any material shows highlights.
     pub highlights: bool,
+    /// Whether any material has a texture on its emission.
+    pub emission_textures: bool,
+    /// Whether any material has a texture on its base colour.
+    pub base_textures: bool,
 }
 
 /// Faces that are drawn without samples, by how they are drawn.
@@ -137,6 +149,8 @@ pub struct BaseFaces {
 pub struct BaseDraw {
     /// Range of leaf records.
     pub leaves: std::ops::Range<u32>,
+    /// Array of the bank that their texture lies in.
+    pub array: u32,
     /// Whether back faces are left out.
     pub cull: bool,
     /// Whether they cover by alpha.
@@ -158,7 +172,8 @@ pub struct Painter {
     uploads: Uploads,
     frame: DeviceBuffer,
     scene_set: DescriptorSet,
-    layouts: [SetLayout; 2],
+    layouts: [SetLayout; 3],
+    array_sets: HashMap<[u32; 3], DescriptorSet>,
     base: LeafList,
     base_draws: Vec<BaseDraw>,
     dynamic: Option<LeafList>,
@@ -192,6 +207,7 @@ impl Painter {
         let layouts = [
             SetLayout::new(gpu, "scene", &SCENE_BINDINGS)?,
             SetLayout::new(gpu, "leaves", &LEAF_BINDINGS)?,
+            SetLayout::new(gpu, "arrays", &ARRAY_BINDINGS)?,
         ];
         let scene_set = layouts[0].set(
             "scene",
@@ -214,6 +230,7 @@ impl Painter {
             frame,
             scene_set,
             layouts,
+            array_sets: HashMap::new(),
             base: base_list,
             base_draws: base.draws.clone(),
             dynamic: None,
@@ -258,18 +275,25 @@ impl Painter {
     /// What the driver says; no device memory left.
     pub fn warm_up(&mut self, block: &FrameBlock, has_leaves: bool) -> Result<()> {
         self.make_target(block.width(), block.height())?;
-        let groups: &[u32] = if has_leaves { &GROUPS } else { &[] };
         let mut keys: Vec<PipelineKey> = Vec::new();
-        for (index, pass) in self.options.passes.iter().enumerate() {
-            let blend = if index == 0 { PassBlend::First } else { PassBlend::Later };
-            let drawn = groups.iter().filter(|&&leaves| index == 0 || leaves != LEAVES_PLAIN);
-            keys.extend(drawn.map(|&leaves| PipelineKey {
-                reconstruction: self.options.reconstruction,
-                leaves,
-                components: pass.components,
-                blend,
-                cull: false,
-            }));
+        if has_leaves {
+            for (index, pass) in self.options.passes.iter().enumerate() {
+                let kinds: &[(u32, bool)] = match self.options.reconstruction {
+                    Reconstruction::Exact => &[
+                        (LEAVES_PLAIN, false),
+                        (LEAVES_FIRST, false),
+                        (LEAVES_NODES, false),
+                        (LEAVES_NODES, true),
+                        (LEAVES_ALL, true),
+                    ],
+                    Reconstruction::Paper => &[(LEAVES_PLAIN, false), (LEAVES_NODES, false)],
+                };
+                keys.extend(kinds.iter().filter_map(|&(kind, mixed)| {
+                    let arrays = [0, 0, if mixed { MIXED_ARRAYS } else { 0 }];
+                    let key = |group| leaf_key(self.options.reconstruction, *pass, index, group);
+                    drawn(index, kind).then(|| key(Group { kind, arrays }))
+                }));
+            }
         }
         let of_leaves = keys.len();
         for draw in &self.base_draws {
@@ -281,8 +305,9 @@ impl Painter {
         if self.dynamic.is_none() {
             self.upload(&Drawn::blank(self.options.reconstruction))?;
         }
+        self.array_set([0; 3])?;
         self.uploads.write(&self.frame, 0, std::slice::from_ref(block))?;
-        let Self { commands, uploads, target, pipelines, scene_set, base, dynamic, .. } = self;
+        let Self { commands, uploads, target, pipelines, scene_set, base, dynamic, array_sets, .. } = self;
         let (Some(target), Some(leaves)) = (target, dynamic) else { return Ok(()) };
         let mut recording = commands.begin()?;
         uploads.record(&mut recording);
@@ -291,7 +316,8 @@ impl Painter {
             for (index, key) in keys.iter().enumerate() {
                 let list = if index < of_leaves { &*leaves } else { &*base };
                 if let Some(pipeline) = pipelines.get(key) {
-                    draws.pipeline(pipeline).set(0, scene_set).set(1, &list.set).draw(0..3);
+                    draws.pipeline(pipeline).set(0, scene_set).set(1, &list.set);
+                    draws.set(2, &array_sets[&[0; 3]]).draw(0..3);
                 }
             }
         });
@@ -302,6 +328,7 @@ impl Painter {
         PipelineKey {
             reconstruction: Reconstruction::Exact,
             leaves: LEAVES_PLAIN,
+            mixed: false,
             components: self.options.passes.first().map_or(COMPONENT_PRIMARY, |pass| pass.components),
             blend: if draw.blended { PassBlend::Coverage } else { PassBlend::First },
             cull: draw.cull,
@@ -323,12 +350,16 @@ impl Painter {
         let reconstruction = self.options.reconstruction;
         let draws = leaves.map_or(Vec::new(), leaf_draws);
         let mut drawings = Vec::new();
-        for (index, pass) in passes.iter().enumerate() {
-            for draw in &draws {
-                if index == 0 || draw.group != LEAVES_PLAIN {
-                    self.pipeline(leaf_key(reconstruction, *pass, index, draw))?;
-                }
+        for draw in &draws {
+            for (index, &pass) in
+                passes.iter().enumerate().filter(|&(index, _)| drawn(index, draw.group.kind))
+            {
+                self.pipeline(leaf_key(reconstruction, pass, index, draw.group))?;
             }
+            self.array_set(bound_arrays(draw.group.arrays))?;
+        }
+        for index in 0..self.base_draws.len() {
+            self.array_set([self.base_draws[index].array, 0, 0])?;
         }
         let base_keys: Vec<PipelineKey> = self.base_draws.iter().map(|draw| self.base_key(draw)).collect();
         for &key in &base_keys {
@@ -337,12 +368,23 @@ impl Painter {
         let blended = self.blended_draws();
 
         self.uploads.write(&self.frame, 0, std::slice::from_ref(block))?;
-        let Self { commands, uploads, target, pipelines, scene_set, base, base_draws, dynamic, .. } = self;
+        let Self {
+            commands,
+            uploads,
+            target,
+            pipelines,
+            scene_set,
+            base,
+            base_draws,
+            dynamic,
+            array_sets,
+            ..
+        } = self;
         let Some(target) = target else { return Ok(Vec::new()) };
         let mut recording = commands.begin()?;
         uploads.record(&mut recording);
         for (index, &pass) in passes.iter().enumerate() {
-            let of_leaves = draws.iter().filter(|draw| index == 0 || draw.group != LEAVES_PLAIN);
+            let of_leaves = draws.iter().filter(|draw| drawn(index, draw.group.kind));
             let opaque = (0..base_draws.len()).filter(|&draw| index == 0 && !base_draws[draw].blended);
             let count = of_leaves.clone().count() + opaque.clone().count();
             drawings.push(Drawing { name: pass.name, ms: 0.0, draws: count as u32 });
@@ -350,13 +392,20 @@ impl Painter {
                 target.render(recording, index == 0, |commands| {
                     if let Some(list) = dynamic {
                         for draw in of_leaves {
-                            let pipeline = &pipelines[&leaf_key(reconstruction, pass, index, draw)];
+                            let pipeline = &pipelines[&leaf_key(reconstruction, pass, index, draw.group)];
                             commands.pipeline(pipeline).set(0, scene_set).set(1, &list.set);
+                            commands.set(2, &array_sets[&bound_arrays(draw.group.arrays)]);
                             commands.draw(3 * draw.leaves.start..3 * draw.leaves.end);
                         }
                     }
                     for draw in opaque {
-                        draw_base(commands, &pipelines[&base_keys[draw]], scene_set, base, &base_draws[draw]);
+                        let arrays = &array_sets[&[base_draws[draw].array, 0, 0]];
+                        draw_base(
+                            commands,
+                            &pipelines[&base_keys[draw]],
+                            [scene_set, &base.set, arrays],
+                            &base_draws[draw],
+                        );
                     }
                 });
             });
@@ -366,7 +415,13 @@ impl Painter {
             recording.timed("blended", |recording| {
                 target.render(recording, false, |commands| {
                     for draw in blended {
-                        draw_base(commands, &pipelines[&base_keys[draw]], scene_set, base, &base_draws[draw]);
+                        let arrays = &array_sets[&[base_draws[draw].array, 0, 0]];
+                        draw_base(
+                            commands,
+                            &pipelines[&base_keys[draw]],
+                            [scene_set, &base.set, arrays],
+                            &base_draws[draw],
+                        );
                     }
                 });
             });
@@ -426,6 +481,24 @@ impl Painter {
         Ok(())
     }
 
+    /// Makes the set of a group's arrays.
+    fn array_set(&mut self, arrays: [u32; 3]) -> Result<()> {
+        if !self.array_sets.contains_key(&arrays) {
+            let bindings = self.bank.bindings();
+            let [own, first, node] = arrays.map(|array| [bindings[array as usize]]);
+            let set = self.layouts[2].set(
+                "arrays",
+                &[
+                    ("own_texture", Resource::Textures(&own)),
+                    ("first_texture", Resource::Textures(&first)),
+                    ("node_texture", Resource::Textures(&node)),
+                ],
+            )?;
+            self.array_sets.insert(arrays, set);
+        }
+        Ok(())
+    }
+
     fn pipeline(&mut self, key: PipelineKey) -> Result<()> {
         if self.pipelines.contains_key(&key) {
             return Ok(());
@@ -438,6 +511,9 @@ impl Painter {
             (4, u32::from(self.options.equation == Equation::Four)),
             (5, self.options.lights),
             (6, u32::from(self.options.highlights)),
+            (7, u32::from(self.options.emission_textures)),
+            (8, u32::from(self.options.base_textures)),
+            (9, u32::from(key.mixed)),
         ];
         let (blend, depth) = match key.blend {
             PassBlend::First => (Blend::Replace, DepthMode::Write),
@@ -453,7 +529,7 @@ impl Painter {
             &GraphicsDesc {
                 vertex: Shader { spirv: vertex, constants: &constants },
                 fragment: Shader { spirv: fragment, constants: &constants },
-                sets: &[&self.layouts[0], &self.layouts[1]],
+                sets: &[&self.layouts[0], &self.layouts[1], &self.layouts[2]],
                 colors: &[(Format::Rgba16f, blend)],
                 depth,
                 cull: if key.cull { Cull::Back } else { Cull::None },
@@ -469,22 +545,34 @@ impl Painter {
 /// Consecutive leaves of one group.
 struct LeafDraw {
     leaves: std::ops::Range<u32>,
-    group: u32,
+    group: Group,
 }
 
 fn leaf_draws(leaves: &Drawn) -> Vec<LeafDraw> {
     let mut start = 0;
-    let ranges = leaves.groups().into_iter().zip(GROUPS).map(|(count, group)| {
+    let draw = |&(group, count): &(Group, u32)| {
         start += count;
         LeafDraw { leaves: start - count..start, group }
-    });
-    ranges.filter(|draw| !draw.leaves.is_empty()).collect()
+    };
+    leaves.groups().iter().map(draw).collect()
 }
 
-fn leaf_key(reconstruction: Reconstruction, pass: ColorPass, index: usize, draw: &LeafDraw) -> PipelineKey {
+/// Whether leaves of kind `kind` are drawn in colour pass `index`: those without specular part only in the
+/// first.
+fn drawn(index: usize, kind: u32) -> bool {
+    index == 0 || kind != LEAVES_PLAIN
+}
+
+/// The arrays that are bound for a group: any where it needs none or several.
+fn bound_arrays(arrays: [u32; 3]) -> [u32; 3] {
+    arrays.map(|array| if array == MIXED_ARRAYS { 0 } else { array })
+}
+
+fn leaf_key(reconstruction: Reconstruction, pass: ColorPass, index: usize, group: Group) -> PipelineKey {
     PipelineKey {
         reconstruction,
-        leaves: draw.group,
+        leaves: group.kind,
+        mixed: group.arrays[2] == MIXED_ARRAYS,
         components: pass.components,
         blend: if index == 0 { PassBlend::First } else { PassBlend::Later },
         cull: false,
@@ -494,11 +582,11 @@ fn leaf_key(reconstruction: Reconstruction, pass: ColorPass, index: usize, draw:
 fn draw_base(
     commands: &mut Draws<'_, '_>,
     pipeline: &GraphicsPipeline,
-    scene: &DescriptorSet,
-    list: &LeafList,
+    [scene, list, arrays]: [&DescriptorSet; 3],
     draw: &BaseDraw,
 ) {
-    commands.pipeline(pipeline).set(0, scene).set(1, &list.set).draw(3 * draw.leaves.start..3 * draw.leaves.end);
+    commands.pipeline(pipeline).set(0, scene).set(1, list).set(2, arrays);
+    commands.draw(3 * draw.leaves.start..3 * draw.leaves.end);
 }
 
 impl Target {

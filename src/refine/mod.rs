@@ -106,12 +106,7 @@ impl PartialOrd for Entry {
 
 impl<'a> Refiner<'a> {
     /// Traces the vertices of the unrefined `mesh` and queues its faces.
-    pub fn new(
-        context: &'a Context<'a>,
-        predictor: &'a Predictor<'a>,
-        mesh: Mesh,
-        ids: IdImage<'a>,
-    ) -> Self {
+    pub fn new(context: &'a Context<'a>, predictor: &'a Predictor<'a>, mesh: Mesh, ids: IdImage<'a>) -> Self {
         let mut refiner = Self {
             context,
             predictor,
@@ -220,7 +215,9 @@ impl<'a> Refiner<'a> {
         let mut left_queue = false;
         while popped < batch {
             let made = self.mesh.vertices.len() - vertices_before;
-            if made as u64 + (self.pixel_budget_used as u64) >= room.saturating_add(self.pixel_budget_used as u64) {
+            if made as u64 + (self.pixel_budget_used as u64)
+                >= room.saturating_add(self.pixel_budget_used as u64)
+            {
                 break;
             }
             let Some(Entry { face, .. }) = self.queue.pop() else { break };
@@ -264,10 +261,8 @@ impl<'a> Refiner<'a> {
     /// What tracing the middle of a bisected edge showed.
     fn surprise(&self, split: &Split) -> Deviation {
         let vertex = self.mesh.vertices[split.vertex as usize];
-        let corner = |v: u32| Corner {
-            sample: self.samples.get(v),
-            distance: self.distance(self.mesh.position(v)),
-        };
+        let corner =
+            |v: u32| Corner { sample: self.samples.get(v), distance: self.distance(self.mesh.position(v)) };
         let [a, b] = vertex.parents;
         let image = |v: u32| self.mesh.images[self.mesh.vertices[v as usize].point as usize];
         let pixels = (image(a) - image(b)).length() * self.mesh.pixels_per_unit;

@@ -93,9 +93,9 @@ pub fn trace(context: &Context, mesh: &Mesh, ids: IdImage, faces: &[u32]) -> (Ve
                     let from_eye = context.view.distance_to(surface.position);
                     let primary =
                         sample::trace_surface(context, &surface, direction, from_eye, &mut nodes, &mut rays);
-                    let radiance = nodes.iter().fold(primary.local.radiance(primary.texel), |sum, node| {
-                        sum + node.radiance()
-                    });
+                    let radiance = nodes
+                        .iter()
+                        .fold(primary.local.radiance(primary.texel), |sum, node| sum + node.radiance());
                     pixels.push(TracedPixel { index: y * context.view.width + x, face, radiance });
                 }
             }
