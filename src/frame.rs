@@ -1,7 +1,9 @@
 //! One frame, from camera to finished image: a script of the stages (design §1).
 
 use std::sync::Arc;
-use std::time::Instant;
+use std::time::{Duration, Instant};
+
+use rustc_hash::FxHashSet;
 
 use crate::constants::{COMPONENT_PRIMARY, MAX_LIGHTS};
 use crate::error::Result;
@@ -12,11 +14,13 @@ use crate::reconstruct::bank::Bank;
 use crate::reconstruct::drawn::Drawn;
 use crate::reconstruct::frame_block::FrameBlock;
 use crate::reconstruct::leaves;
-use crate::reconstruct::nodes::Matcher;
+use crate::reconstruct::nodes::{Corner, Matcher};
 use crate::reconstruct::paper;
 use crate::reconstruct::passes::{BaseDraw, BaseFaces, Painter, PassOptions};
+use crate::reconstruct::show::{self, FrameData, LeafKind, Overlay};
 use crate::reconstruct::table::SceneTable;
 use crate::refine::mesh::Mesh;
+use crate::refine::pixels::TracedPixel;
 use crate::refine::predict::Predictor;
 use crate::refine::{Refiner, StoppedBy, pixels};
 use crate::report::image::FloatImage;
@@ -55,11 +59,28 @@ pub struct Renderer<'s> {
     painter: Painter,
     settings: Settings,
     bvh_ms: f64,
+    /// From the end of refinement to the finished image, as the last frame took: what a time budget keeps back.
+    finishing: Duration,
 }
+
+/// The image after a refinement step; the first is the preview, before any.
+pub struct Step {
+    /// Steps taken.
+    pub number: u32,
+    /// Vertices traced.
+    pub samples: u64,
+    /// Predicted RMS displacement of what is reflected, in pixels over VT pixels.
+    pub predicted_error: f32,
+    /// The image, linear.
+    pub image: FloatImage,
+}
+
+/// What is shown the image after every step; an error of it ends the frame.
+pub type Observer<'o> = &'o mut dyn FnMut(&Step) -> Result<()>;
 
 /// A finished frame.
 pub struct Frame {
-    /// The image, linear.
+    /// The image, linear; with [`Options::show`], the picture that it names.
     pub image: FloatImage,
     /// What it took.
     pub stats: Stats,
@@ -132,10 +153,14 @@ impl<'s> Renderer<'s> {
             painter,
             settings,
             bvh_ms,
+            finishing: Duration::ZERO,
         })
     }
 
     /// Draws every pipeline once, so that drivers compile before anything is timed. Returns milliseconds.
+    ///
+    /// A frame with a time budget is rehearsed: what it takes from the last sample to the image is kept back
+    /// from the next frame's budget.
     ///
     /// # Errors
     /// What the driver says; no device memory left.
@@ -145,17 +170,31 @@ impl<'s> Renderer<'s> {
             traced.visibility.warm_up(view)?;
         }
         self.painter.warm_up(&FrameBlock::new(self.scene, view), self.traced.is_some())?;
+        if self.options.effort.budget.is_some() {
+            self.render(view)?;
+        }
         Ok(ms(started))
     }
 
-    /// Renders one frame. `after_step` is shown the image after every refinement step, if given.
+    /// Renders one frame.
+    ///
+    /// # Errors
+    /// No device memory left; a lost device.
+    pub fn render(&mut self, view: &View) -> Result<Frame> {
+        self.render_steps(view, None)
+    }
+
+    /// Renders one frame, and shows the preview and the image after every refinement step to `after_step`.
+    /// Drawing them counts as the frame's time.
     ///
     /// # Errors
     /// No device memory left; a lost device; whatever `after_step` returns.
-    pub fn render(&mut self, view: &View) -> Result<Frame> {
+    pub fn render_steps(&mut self, view: &View, mut after_step: Option<Observer>) -> Result<Frame> {
         let started = Instant::now();
         let mut stats = self.blank_stats(view);
         let block = FrameBlock::new(self.scene, view);
+        let mut overlay = None;
+        let mut refined = Instant::now();
         let leaves = match &mut self.traced {
             None => None,
             Some(traced) => {
@@ -166,7 +205,31 @@ impl<'s> Renderer<'s> {
                     base_textures: &self.base_textures,
                     room: self.options.method.nodes as usize,
                 };
-                Some(sample(traced, &matcher, &self.settings, &self.options, view, &mut stats)?)
+                let (painter, plan) = (&mut self.painter, &self.plan);
+                let mut draw_step = |leaves: &Drawn, refiner: &Refiner, after: &mut Option<Observer>| {
+                    let Some(after) = after else { return Ok(()) };
+                    painter.upload(leaves)?;
+                    painter.draw(&block, Some(leaves), &plan.passes_for(leaves.components()).0)?;
+                    after(&Step {
+                        number: refiner.steps,
+                        samples: refiner.samples.len() as u64,
+                        predicted_error: refiner.predicted().0,
+                        image: painter.read_image()?,
+                    })
+                };
+                let job = Job {
+                    matcher: &matcher,
+                    settings: &self.settings,
+                    options: &self.options,
+                    view,
+                    started: started.checked_sub(self.finishing).unwrap_or(started),
+                };
+                let observed = after_step.is_some();
+                let mut observe =
+                    |leaves: &Drawn, refiner: &Refiner| draw_step(leaves, refiner, &mut after_step);
+                let sampled = job.sample(traced, &mut stats, observed.then_some(&mut observe))?;
+                (overlay, refined) = (sampled.overlay, sampled.refined);
+                Some(sampled.leaves)
             }
         };
         let time = Instant::now();
@@ -189,7 +252,9 @@ impl<'s> Renderer<'s> {
                 draws: drawing.draws.into(),
             })
             .collect();
-        Ok(Frame { image: self.painter.read_image()?, stats })
+        self.finishing = refined.elapsed();
+        let image = self.painter.read_image()?;
+        Ok(Frame { image: overlay.map_or(image.clone(), |overlay| overlay.over(&image)), stats })
     }
 
     fn blank_stats(&self, view: &View) -> Stats {
@@ -208,79 +273,141 @@ impl<'s> Renderer<'s> {
     }
 }
 
-/// Visibility, tracing and refinement: from the view to the leaves that are drawn.
-fn sample(
-    traced: &mut Traced,
-    matcher: &Matcher,
-    settings: &Settings,
-    options: &Options,
-    view: &View,
-    stats: &mut Stats,
-) -> Result<Drawn> {
-    let scene = matcher.scene;
-    let Traced { tracer, topology, structures, adjacency, classes, visibility } = traced;
-    let targets = matcher.targets;
-    let visible = visibility.run(view)?;
-    stats.time_ms.visibility = visible.times.visibility;
-    stats.time_ms.readback = visible.times.readback;
-    stats.time_ms.scan = visible.times.scan;
-    stats.readback.bytes = visible.readback_bytes;
-    stats.readback.memory = Some(visible.readback_memory.name().into());
-    stats.image.vt_pixels = visible.faces.vt_pixels;
-    stats.faces.visible = visible.visible_vt as u64;
+/// What sampling a frame needs besides what is traced.
+struct Job<'a> {
+    matcher: &'a Matcher<'a>,
+    settings: &'a Settings,
+    options: &'a Options,
+    view: &'a View,
+    /// When the time budget began to run.
+    started: Instant,
+}
 
-    let time = Instant::now();
-    let context = Context { tracer, targets, settings, view };
-    let predictor =
-        Predictor { targets, structures, scene, view, reconstruction: options.method.reconstruction };
-    let seeds = adjacency.one_ring(scene, classes, view, &visible.faces.visible);
-    let mesh = Mesh::new(scene, topology, view, &seeds);
-    let mut refiner = Refiner::new(&context, &predictor, mesh, visible.ids);
-    let stopped_by = refiner.run(&options.effort, time, |_| Ok::<_, crate::error::Error>(()))?;
-    let (predicted, _) = refiner.predicted();
-    let refined = ms(time);
+/// What sampling a frame gives.
+struct Sampled {
+    leaves: Drawn,
+    /// The picture of [`Options::show`].
+    overlay: Option<Overlay>,
+    /// When refinement ended.
+    refined: Instant,
+}
 
-    let time = Instant::now();
-    let (traced_pixels, pixel_rays) =
-        pixels::trace(&context, &refiner.mesh, visible.ids, &refiner.pixel_faces);
-    let pixels_ms = ms(time);
-    stats.time_ms.trace = refiner.samples.time.as_secs_f64() * 1e3 + pixels_ms;
+/// What is shown the leaves after every step.
+type LeafObserver<'o> = &'o mut dyn FnMut(&Drawn, &Refiner) -> Result<()>;
 
-    let time = Instant::now();
-    let leaves = match options.method.reconstruction {
-        Reconstruction::Exact => Drawn::Exact(leaves::assemble(
-            matcher,
-            view,
-            &refiner.mesh,
-            &refiner.samples,
-            &traced_pixels,
-            &refiner.pixel_faces,
-        )),
-        Reconstruction::Paper => Drawn::Paper(paper::assemble(
-            scene,
-            targets,
-            matcher.base_textures,
-            &refiner.mesh,
-            &refiner.samples,
-        )),
-    };
-    stats.time_ms.refine = refined - refiner.samples.time.as_secs_f64() * 1e3 + ms(time);
+impl Job<'_> {
+    /// Visibility, tracing and refinement: from the view to the leaves that are drawn.
+    fn sample(
+        &self,
+        traced: &mut Traced,
+        stats: &mut Stats,
+        mut after_step: Option<LeafObserver>,
+    ) -> Result<Sampled> {
+        let Self { matcher, settings, options, view, .. } = *self;
+        let scene = matcher.scene;
+        let Traced { tracer, topology, structures, adjacency, classes, visibility } = traced;
+        let targets = matcher.targets;
+        let visible = visibility.run(view)?;
+        stats.time_ms.visibility = visible.times.visibility;
+        stats.time_ms.readback = visible.times.readback;
+        stats.time_ms.scan = visible.times.scan;
+        stats.readback.bytes = visible.readback_bytes;
+        stats.readback.memory = Some(visible.readback_memory.name().into());
+        stats.image.vt_pixels = visible.faces.vt_pixels;
+        stats.faces.visible = visible.visible_vt as u64;
 
-    stats.samples = refiner.samples.len() as u64;
-    stats.rays = ray_stats(refiner.samples.rays, pixel_rays, traced_pixels.len());
-    stats.steps = u64::from(refiner.steps);
-    stats.stopped_by = Some(match stopped_by {
-        StoppedBy::Error => stats::StoppedBy::Error,
-        StoppedBy::MaxSamples => stats::StoppedBy::MaxSamples,
-        StoppedBy::Budget => stats::StoppedBy::Budget,
-        StoppedBy::Exhausted => stats::StoppedBy::NothingLeft,
-        StoppedBy::Preview => stats::StoppedBy::Preview,
-    });
-    stats.predicted_error = Some(f64::from(predicted));
-    stats.faces.leaves = leaves.len();
-    let (defined, undefined) = leaves.defined();
-    (stats.faces.defined, stats.faces.undefined) = (defined.into(), undefined.into());
-    Ok(leaves)
+        let time = Instant::now();
+        let context = Context { tracer, targets, settings, view };
+        let predictor =
+            Predictor { targets, structures, scene, view, reconstruction: options.method.reconstruction };
+        let seeds = adjacency.one_ring(scene, classes, view, &visible.faces.visible);
+        let mesh = Mesh::new(scene, topology, view, &seeds);
+        let mut refiner = Refiner::new(&context, &predictor, mesh, visible.ids);
+        let mut observe = |refiner: &Refiner| {
+            let Some(after_step) = &mut after_step else { return Ok(()) };
+            let (pixels, _) = pixels::trace(&context, &refiner.mesh, visible.ids, &refiner.pixel_faces);
+            after_step(&self.assemble(refiner, &pixels), refiner)
+        };
+        observe(&refiner)?;
+        let stopped_by = refiner.run(&options.effort, self.started, observe)?;
+        let ended = Instant::now();
+        let (predicted, _) = refiner.predicted();
+        let refined = ms(time);
+
+        let time = Instant::now();
+        let (traced_pixels, pixel_rays) =
+            pixels::trace(&context, &refiner.mesh, visible.ids, &refiner.pixel_faces);
+        let pixels_ms = ms(time);
+        stats.time_ms.trace = refiner.samples.time.as_secs_f64() * 1e3 + pixels_ms;
+
+        let time = Instant::now();
+        let leaves = self.assemble(&refiner, &traced_pixels);
+        stats.time_ms.refine = refined - refiner.samples.time.as_secs_f64() * 1e3 + ms(time);
+
+        stats.samples = refiner.samples.len() as u64;
+        stats.rays = ray_stats(refiner.samples.rays, pixel_rays, traced_pixels.len());
+        stats.steps = u64::from(refiner.steps);
+        stats.stopped_by = Some(match stopped_by {
+            StoppedBy::Error => stats::StoppedBy::Error,
+            StoppedBy::MaxSamples => stats::StoppedBy::MaxSamples,
+            StoppedBy::Budget => stats::StoppedBy::Budget,
+            StoppedBy::Exhausted => stats::StoppedBy::NothingLeft,
+            StoppedBy::Preview => stats::StoppedBy::Preview,
+        });
+        stats.predicted_error = Some(f64::from(predicted));
+        stats.faces.leaves = leaves.len();
+        let (defined, undefined) = leaves.defined();
+        (stats.faces.defined, stats.faces.undefined) = (defined.into(), undefined.into());
+
+        let overlay = options.show.map(|show| {
+            let traced: FxHashSet<u32> = refiner.pixel_faces.iter().copied().collect();
+            show::overlay(
+                show,
+                &FrameData {
+                    scene,
+                    view,
+                    mesh: &refiner.mesh,
+                    samples: &refiner.samples,
+                    face_at: &|x, y| visible.ids.face(x, y),
+                    kind: &|leaf| self.kind(&refiner, leaf, traced.contains(&leaf)),
+                },
+            )
+        });
+        Ok(Sampled { leaves, overlay, refined: ended })
+    }
+
+    fn assemble(&self, refiner: &Refiner, traced: &[TracedPixel]) -> Drawn {
+        let Refiner { mesh, samples, pixel_faces, .. } = refiner;
+        let Matcher { scene, targets, base_textures, .. } = self.matcher;
+        match self.options.method.reconstruction {
+            Reconstruction::Exact => {
+                Drawn::Exact(leaves::assemble(self.matcher, self.view, mesh, samples, traced, pixel_faces))
+            }
+            Reconstruction::Paper => {
+                Drawn::Paper(paper::assemble(scene, targets, base_textures, mesh, samples))
+            }
+        }
+    }
+
+    fn kind(&self, refiner: &Refiner, leaf: u32, traced: bool) -> LeafKind {
+        let Matcher { scene, targets, .. } = self.matcher;
+        let face = &refiner.mesh.faces[leaf as usize];
+        if !scene.is_vt(face.base) {
+            return LeafKind::Receiver;
+        }
+        if traced {
+            return LeafKind::Traced;
+        }
+        let samples = face.corners.map(|v| refiner.samples.get(v));
+        let defined = match self.options.method.reconstruction {
+            Reconstruction::Paper => paper::branches(scene, targets, samples).defined,
+            Reconstruction::Exact => {
+                let corners = samples.map(|sample| Corner { sample, distance: None });
+                self.matcher.leaf(corners, self.matcher.room).defined
+            }
+        };
+        if defined { LeafKind::Defined } else { LeafKind::Undefined }
+    }
 }
 
 fn ray_stats(vertices: Rays, pixels: Rays, _traced: usize) -> stats::Rays {

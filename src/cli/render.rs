@@ -12,9 +12,10 @@ use super::{
 };
 use crate::{
     error::{Error, Result},
-    frame::Renderer,
+    frame::{Observer, Renderer, Step},
     gpu::{self, Gpu},
     options::{Options, Show, VisibilityWay},
+    report::output::write_image,
 };
 
 /// Render a picture by vertex tracing
@@ -24,7 +25,8 @@ Examples:
   vtrace render scene.glb -o picture.png
   vtrace render scene.glb -o picture.exr --size 1920x1080 --eye 0,1.5,4 --target 0,0.5,0
   vtrace render scene.glb -o quick.png --preview --stats -
-  vtrace render scene.glb -o paper.png --reconstruction paper --max-samples 47000")]
+  vtrace render scene.glb -o paper.png --reconstruction paper --max-samples 47000
+  vtrace render scene.glb -o mask.png --show vt-mask")]
 #[allow(missing_docs)] // the comments are the help texts
 pub struct RenderArgs {
     /// Scene, a .glb or .gltf file
@@ -86,6 +88,9 @@ pub(super) fn run(args: &RenderArgs) -> Result<(), Failure> {
     refuse_unavailable(args)?;
     args.threads.apply()?;
     args.out.check(args.output.as_deref())?;
+    if let Some(folder) = &args.progressive {
+        std::fs::create_dir_all(folder).map_err(Error::io(folder))?;
+    }
 
     let start = Instant::now();
     let scene = scene::load(&args.scene, &options.scene)?;
@@ -95,7 +100,15 @@ pub(super) fn run(args: &RenderArgs) -> Result<(), Failure> {
     let gpu = Gpu::new(&gpu::Options { device: options.device.clone(), validation: false })?;
     let mut renderer = Renderer::new(&gpu, &scene, &options)?;
     let warmup = renderer.warm_up(&view)?;
-    let mut frame = renderer.render(&view)?;
+    let mut save = |step: &Step| match &args.progressive {
+        Some(folder) => {
+            let file = folder.join(format!("step_{:04}.png", step.number));
+            write_image(&file, &step.image, args.out.exposure)
+        }
+        None => Ok(()),
+    };
+    let observer: Option<Observer> = args.progressive.is_some().then_some(&mut save);
+    let mut frame = renderer.render_steps(&view, observer)?;
     frame.stats.time_ms.load = load;
     frame.stats.time_ms.warmup = warmup;
     args.out.write(args.output.as_deref(), &frame.image, &frame.stats)?;
@@ -105,13 +118,10 @@ pub(super) fn run(args: &RenderArgs) -> Result<(), Failure> {
 /// Options that the renderer does not know yet are refused by name, never ignored.
 fn refuse_unavailable(args: &RenderArgs) -> Result<()> {
     let way = args.method.visibility;
-    let unavailable = match (args.show, &args.progressive) {
-        (Some(show), _) => format!("--show {show}"),
-        (None, Some(_)) => "--progressive".into(),
-        (None, None) if way != VisibilityWay::IdBuffer => format!("--visibility {way}"),
-        (None, None) => return Ok(()),
-    };
-    Err(Error::Option(format!("{unavailable} is not available in this version")))
+    if way == VisibilityWay::IdBuffer {
+        return Ok(());
+    }
+    Err(Error::Option(format!("--visibility {way} is not available in this version")))
 }
 
 #[cfg(test)]

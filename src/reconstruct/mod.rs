@@ -7,4 +7,5 @@ pub mod leaves;
 pub mod nodes;
 pub mod paper;
 pub mod passes;
+pub mod show;
 pub mod table;

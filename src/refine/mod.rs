@@ -11,7 +11,7 @@ pub mod samples;
 
 use std::cmp::Ordering;
 use std::collections::BinaryHeap;
-use std::time::Instant;
+use std::time::{Duration, Instant};
 
 use glam::Vec3;
 use rayon::prelude::*;
@@ -186,20 +186,23 @@ impl<'a> Refiner<'a> {
         if effort.preview {
             return Ok(StoppedBy::Preview);
         }
+        let mut last_step = Duration::ZERO;
         loop {
             if effort.max_samples.is_some_and(|limit| self.cost() >= limit) {
                 return Ok(StoppedBy::MaxSamples);
             }
-            if effort.budget.is_some_and(|limit| started.elapsed() >= limit) {
+            if effort.budget.is_some_and(|limit| started.elapsed() + last_step >= limit) {
                 return Ok(StoppedBy::Budget);
             }
             if effort.max_samples.is_none() && effort.budget.is_none() && self.predicted().0 <= effort.error {
                 return Ok(StoppedBy::Error);
             }
             let room = effort.max_samples.map_or(u64::MAX, |limit| limit - self.cost());
+            let step_started = Instant::now();
             if !self.step(room) {
                 return Ok(StoppedBy::Exhausted);
             }
+            last_step = step_started.elapsed();
             after_step(self)?;
         }
     }
