@@ -134,7 +134,7 @@ pub(super) struct Record {
     /// Unit geometric normal, counter-clockwise.
     ng: Vec3,
     /// How far rays start off the face.
-    offset: f32,
+    pub(super) offset: f32,
     object: u32,
     material: u32,
     vt: bool,
