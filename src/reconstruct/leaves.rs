@@ -19,25 +19,38 @@ use crate::scene::{Geometry, Scene, View};
 #[repr(C)]
 #[derive(Debug, Clone, Copy, Pod, Zeroable)]
 pub struct GpuVertex {
-    position: Vec3,
-    normal: Vec3,
-    uv: [Vec2; 2],
-    color: [f16; 4],
-    tangent: [f16; 4],
+    /// Relative to the scene's origin.
+    pub position: Vec3,
+    /// Interpolated linearly, not of unit length.
+    pub normal: Vec3,
+    /// Both sets of texture coordinates.
+    pub uv: [Vec2; 2],
+    /// Linear vertex colour.
+    pub color: [f16; 4],
+    /// Tangent and handedness.
+    pub tangent: [f16; 4],
 }
 
 /// A leaf: glsl/leaf.glsl `Leaf`.
 #[repr(C)]
 #[derive(Debug, Clone, Copy, Pod, Zeroable)]
 pub struct GpuLeaf {
-    vertices: [u32; 3],
-    material: u32,
-    lit: u32,
-    nodes: u32,
-    flags: u32,
-    first_target: u32,
-    first_lit: u32,
-    comb: [[Vec3; 2]; 3],
+    /// Its vertices.
+    pub vertices: [u32; 3],
+    /// First texel of its material in the scene table.
+    pub material: u32,
+    /// Lights that are not hidden, a byte a corner.
+    pub lit: u32,
+    /// First texel of its nodes, or of its traced pixels, in the node table.
+    pub nodes: u32,
+    /// `LEAF_…`, and the number of nodes above.
+    pub flags: u32,
+    /// First texel of the patch that the view ray meets after one bounce, or `NO_TARGET`.
+    pub first_target: u32,
+    /// As `lit`, for that patch; its branch in the top bit.
+    pub first_lit: u32,
+    /// By corner and branch: what is Gouraud-shaded, before the attenuation.
+    pub comb: [[Vec3; 2]; 3],
 }
 
 /// What the leaves of one draw have in common.

@@ -274,7 +274,7 @@ impl Painter {
     /// # Errors
     /// What the driver says; no device memory left.
     pub fn warm_up(&mut self, block: &FrameBlock, has_leaves: bool) -> Result<()> {
-        self.make_target(block.width(), block.height())?;
+        self.make_target(block.width, block.height)?;
         let mut keys: Vec<PipelineKey> = Vec::new();
         if has_leaves {
             for (index, pass) in self.options.passes.iter().enumerate() {
@@ -346,7 +346,7 @@ impl Painter {
         leaves: Option<&Drawn>,
         passes: &[ColorPass],
     ) -> Result<Vec<Drawing>> {
-        self.make_target(block.width(), block.height())?;
+        self.make_target(block.width, block.height)?;
         let reconstruction = self.options.reconstruction;
         let draws = leaves.map_or(Vec::new(), leaf_draws);
         let mut drawings = Vec::new();
