@@ -147,8 +147,9 @@ fn fig5(lab: &Lab) -> Result<Plate> {
     let preview = paper(HALF, Effort::Preview);
     let caption = "Defined faces: all vertices point to the same face with one texture.";
     let mut easel = Easel::new(lab, Demo::Mirror, &preview, "Figure 5", caption)?;
-    easel.frame("fig5", "preview", &preview)?;
-    easel.data("fig5_faces", "its faces: green are defined", &preview, Show::Faces)?;
+    let refined = paper(HALF, Effort::Samples(600));
+    easel.frame("fig5", "refined a little", &refined)?;
+    easel.data("fig5_faces", "its faces: green are defined", &refined, Show::Faces)?;
     Ok(easel.finish("fig5_conventional"))
 }
 
