@@ -89,6 +89,10 @@ shared_constants! {
     NODE_TEXTURE: u32 = 4;
     /// Texels of a node: its head, then three of each corner.
     NODE_TEXELS: u32 = 10;
+    /// Combined colours come first in the leaf's part of the node table.
+    LEAF_COMBINED: u32 = 1;
+    /// Texels of combined colours: one a corner and branch.
+    COMBINED_TEXELS: u32 = 6;
     /// Pixels of the leaf were traced one by one.
     LEAF_TRACED: u32 = 2;
     /// Where a leaf's flags end and its number of nodes begins, in bits.

@@ -155,7 +155,7 @@ macro_rules! layout {
 fn frame_and_leaves() {
     let vertex = Module::read(spirv!("leaf.vert"));
     assert_eq!(vertex.offsets("Vertex"), layout!(GpuVertex { position, normal, uv, color, tangent }));
-    let leaf = layout!(GpuLeaf { vertices, material, lit, nodes, flags, first_target, first_lit, comb });
+    let leaf = layout!(GpuLeaf { vertices, material, lit, nodes, flags, first_target, first_lit });
     assert_eq!(vertex.offsets("Leaf"), leaf);
     let strides = BTreeMap::from([("vertices", size_of::<GpuVertex>()), ("leaves", size_of::<GpuLeaf>())]);
     assert_eq!(vertex.strides(), strides);

@@ -93,8 +93,9 @@ pub(super) fn run(args: &RenderArgs) -> Result<(), Failure> {
     }
 
     let start = Instant::now();
-    let scene = scene::load(&args.scene, &options.scene)?;
+    let mut scene = scene::load(&args.scene, &options.scene)?;
     let view = options.view.resolve(&scene)?;
+    scene.add_default_lights(&view);
     let load = start.elapsed().as_secs_f64() * 1e3;
 
     let gpu = Gpu::new(&gpu::Options { device: options.device.clone(), validation: false })?;

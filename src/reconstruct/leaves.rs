@@ -41,7 +41,7 @@ pub struct GpuLeaf {
     pub material: u32,
     /// Lights that are not hidden, a byte a corner.
     pub lit: u32,
-    /// First texel of its nodes, or of its traced pixels, in the node table.
+    /// First texel in the node table: combined colours, then nodes or traced pixels.
     pub nodes: u32,
     /// `LEAF_…`, and the number of nodes above.
     pub flags: u32,
@@ -49,8 +49,6 @@ pub struct GpuLeaf {
     pub first_target: u32,
     /// As `lit`, for that patch; its branch in the top bit.
     pub first_lit: u32,
-    /// By corner and branch: what is Gouraud-shaded, before the attenuation.
-    pub comb: [[Vec3; 2]; 3],
 }
 
 /// What the leaves of one draw have in common.
@@ -99,6 +97,8 @@ pub struct Leaves {
     pub undefined: u32,
     /// Shared paths that found no room in their leaf.
     pub overflow: u64,
+    /// Whether anything is Gouraud-shaded of reflection and of transmission.
+    pub combined: [bool; 2],
 }
 
 impl Leaves {
@@ -108,14 +108,10 @@ impl Leaves {
         if self.groups.iter().all(|(group, _)| group.kind == LEAVES_PLAIN) {
             return COMPONENT_PRIMARY;
         }
-        let any = |branch: usize| {
-            let mut corners = self.leaves.iter().flat_map(|leaf| &leaf.comb);
-            corners.any(|comb| comb[branch] != Vec3::ZERO)
-        };
         (0..2).fold(COMPONENT_PRIMARY, |components, branch| {
             components
                 | COMPONENT_REFLECTED << branch
-                | if any(branch) { COMPONENT_REFLECTED_COMB << branch } else { 0 }
+                | if self.combined[branch] { COMPONENT_REFLECTED_COMB << branch } else { 0 }
         })
     }
 }
@@ -193,7 +189,6 @@ pub fn assemble(
                     distance: (!view.orthographic).then(|| view.distance_to(mesh.position(v))),
                 });
                 nodes = matcher.leaf(corners, room);
-                leaf.comb = nodes.comb;
                 leaf.flags = nodes.count << LEAF_COUNT_SHIFT;
                 if let Some((target, lit)) = nodes.first {
                     (leaf.first_target, leaf.first_lit) = (target, lit);
@@ -211,6 +206,13 @@ pub fn assemble(
     let mut groups: BTreeMap<Group, Vec<GpuLeaf>> = BTreeMap::new();
     for (&face, (mut leaf, nodes)) in faces.iter().zip(built) {
         leaf.nodes = result.nodes.len() as u32;
+        let shows = |branch: usize| nodes.comb.iter().any(|corner| corner[branch] != Vec3::ZERO);
+        let combined = [shows(0), shows(1)];
+        if combined[0] || combined[1] {
+            leaf.flags |= LEAF_COMBINED;
+            result.combined = [0, 1].map(|branch| result.combined[branch] || combined[branch]);
+            result.nodes.extend(nodes.comb.iter().flatten().map(|comb| floats(comb.extend(0.0))));
+        }
         if leaf.flags & LEAF_TRACED != 0 {
             match blocks.get(&face) {
                 Some(block) => result.nodes.extend(block),
