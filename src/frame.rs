@@ -8,7 +8,7 @@ use rustc_hash::FxHashSet;
 use crate::constants::{COMPONENT_PRIMARY, MAX_LIGHTS};
 use crate::error::Result;
 use crate::gpu::{Gpu, Uploads};
-use crate::options::{Msaa, Options, Reconstruction};
+use crate::options::{EffortOptions, Msaa, Options, Reconstruction};
 use crate::plan::Plan;
 use crate::reconstruct::bank::Bank;
 use crate::reconstruct::drawn::Drawn;
@@ -23,6 +23,7 @@ use crate::reconstruct::table::SceneTable;
 use crate::refine::mesh::Mesh;
 use crate::refine::pixels::TracedPixel;
 use crate::refine::predict::Predictor;
+use crate::refine::reserve::Reserve;
 use crate::refine::{Refiner, StoppedBy, pixels};
 use crate::report::image::FloatImage;
 use crate::report::stats::{self, Stats};
@@ -60,8 +61,10 @@ pub struct Renderer<'s> {
     painter: Painter,
     settings: Settings,
     bvh_ms: f64,
-    /// From the end of refinement to the finished image, as the last frame took: what a time budget keeps back.
-    finishing: Duration,
+    /// Samples of the last frame, and its time from the end of refinement to the finished image.
+    finished: (u64, Duration),
+    /// What a time budget keeps back for that.
+    reserve: Reserve,
 }
 
 /// The image after a refinement step; the first is the preview, before any.
@@ -149,14 +152,15 @@ impl<'s> Renderer<'s> {
             painter,
             settings,
             bvh_ms,
-            finishing: Duration::ZERO,
+            finished: (0, Duration::ZERO),
+            reserve: Reserve::default(),
         })
     }
 
     /// Draws every pipeline once, so that drivers compile before anything is timed. Returns milliseconds.
     ///
-    /// A frame with a time budget is rehearsed: what it takes from the last sample to the image is kept back
-    /// from the next frame's budget.
+    /// A frame with a time budget is rehearsed as a preview and in full: what both take from the last sample to
+    /// the image tells what to keep back from the budget.
     ///
     /// # Errors
     /// What the driver says; no device memory left.
@@ -167,9 +171,19 @@ impl<'s> Renderer<'s> {
         }
         self.painter.warm_up(&FrameBlock::new(self.scene, view), self.traced.is_some())?;
         if self.options.effort.budget.is_some() {
-            self.render(view)?;
+            self.rehearse(view)?;
         }
         Ok(ms(started))
+    }
+
+    fn rehearse(&mut self, view: &View) -> Result<()> {
+        let preview = EffortOptions { preview: true, ..EffortOptions::default() };
+        let effort = std::mem::replace(&mut self.options.effort, preview);
+        let few = self.render(view).map(|_| self.finished);
+        self.options.effort = effort;
+        self.render(view)?;
+        self.reserve = Reserve::through(few?, self.finished);
+        Ok(())
     }
 
     /// Renders one frame.
@@ -190,7 +204,7 @@ impl<'s> Renderer<'s> {
         let mut stats = self.blank_stats(view);
         let block = FrameBlock::new(self.scene, view);
         let mut overlay = None;
-        let mut refined = Instant::now();
+        let (mut refined, mut cost) = (Instant::now(), 0);
         let leaves = match &mut self.traced {
             None => None,
             Some(traced) => {
@@ -218,13 +232,15 @@ impl<'s> Renderer<'s> {
                     settings: &self.settings,
                     options: &self.options,
                     view,
-                    started: started.checked_sub(self.finishing).unwrap_or(started),
+                    started,
+                    reserve: self.reserve,
                 };
                 let observed = after_step.is_some();
                 let mut observe =
                     |leaves: &Drawn, refiner: &Refiner| draw_step(leaves, refiner, &mut after_step);
                 let sampled = job.sample(traced, &mut stats, observed.then_some(&mut observe))?;
                 (overlay, refined) = (sampled.overlay, sampled.refined);
+                cost = sampled.cost;
                 Some(sampled.leaves)
             }
         };
@@ -254,7 +270,7 @@ impl<'s> Renderer<'s> {
                 draws: drawing.draws.into(),
             })
             .collect();
-        self.finishing = refined.elapsed();
+        self.finished = (cost, refined.elapsed());
         let image = mean.map_or_else(|| self.painter.read_image(), Ok)?;
         Ok(Frame { image: overlay.map_or(image.clone(), |overlay| overlay.over(&image)), stats })
     }
@@ -283,6 +299,7 @@ struct Job<'a> {
     view: &'a View,
     /// When the time budget began to run.
     started: Instant,
+    reserve: Reserve,
 }
 
 /// What sampling a frame gives.
@@ -292,6 +309,8 @@ struct Sampled {
     overlay: Option<Overlay>,
     /// When refinement ended.
     refined: Instant,
+    /// Samples that count against a budget.
+    cost: u64,
 }
 
 /// What is shown the leaves after every step.
@@ -325,6 +344,7 @@ impl Job<'_> {
         let seeds = adjacency.one_ring(scene, classes, view, &visible.faces.visible);
         let mesh = Mesh::new(scene, topology, view, &seeds);
         let mut refiner = Refiner::new(&context, &predictor, mesh, visible.ids);
+        refiner.reserve = self.reserve;
         let mut observe = |refiner: &Refiner| {
             let Some(after_step) = &mut after_step else { return Ok(()) };
             let (pixels, _) = pixels::trace(&context, &refiner.mesh, visible.ids, &refiner.pixel_faces);
@@ -375,7 +395,7 @@ impl Job<'_> {
                 },
             )
         });
-        Ok(Sampled { leaves, overlay, refined: ended })
+        Ok(Sampled { leaves, overlay, refined: ended, cost: refiner.cost() })
     }
 
     fn assemble(&self, refiner: &Refiner, traced: &[TracedPixel]) -> Drawn {
