@@ -80,9 +80,9 @@ impl<'s> Renderer<'s> {
             let classes = visibility::classes(scene, plan.receivers);
             Some(Traced {
                 tracer,
+                adjacency: Adjacency::new(scene, &topology),
                 topology,
                 structures: Structure::all(scene),
-                adjacency: Adjacency::new(scene),
                 visibility: visibility::Pass::new(gpu, scene, &classes)?,
                 classes,
             })
@@ -218,7 +218,7 @@ fn sample(
     let context = Context { tracer, targets, settings, view };
     let predictor =
         Predictor { targets, structures, scene, view, reconstruction: options.method.reconstruction };
-    let seeds = adjacency.one_ring(scene, classes, view, &visible.faces.visible);
+    let seeds = adjacency.one_ring(scene, topology, classes, view, &visible.faces.visible);
     let mesh = Mesh::new(scene, topology, view, &seeds);
     let mut refiner = Refiner::new(&context, &predictor, mesh, visible.ids);
     let stopped_by = refiner.run(&options.effort, time, |_| Ok::<_, crate::error::Error>(()))?;

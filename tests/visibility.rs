@@ -9,7 +9,7 @@ use vertex_tracing::{
     gpu::{Fault, Gpu, Messages, Options, ReadbackChoice, ReadbackMemory},
     scene::{
         AlphaMode, Background, Camera, Filter, Geometry, Image, Material, Object, Projection, Sampler, Scene,
-        Texture, TextureSlot, View,
+        Texture, TextureSlot, View, topology::Topology,
     },
     visibility::{Adjacency, Class, Pass, classes, device},
 };
@@ -466,10 +466,11 @@ fn small_faces_are_found_by_the_ring() {
     let classes = all_vt(&scene);
     let (gpu, messages) = gpu();
     let mut pass = Pass::new(&gpu, &scene, &classes).unwrap();
-    let adjacency = Adjacency::new(&scene);
+    let topology = Topology::new(&scene.geometry);
+    let adjacency = Adjacency::new(&scene, &topology);
     let coarse = view(&scene, 64, 48);
     let visible = pass.run(&coarse).unwrap().faces.visible.clone();
-    let ring = adjacency.one_ring(&scene, &classes, &coarse, &visible);
+    let ring = adjacency.one_ring(&scene, &topology, &classes, &coarse, &visible);
     assert!(ring.is_sorted() && visible.iter().all(|face| ring.binary_search(face).is_ok()));
     // Everything that a hundred times the pixels show is marked, though the small image missed some.
     let fine = pass.run(&view(&scene, 640, 480)).unwrap().faces.visible.clone();
