@@ -6,7 +6,7 @@ use std::time::Instant;
 use crate::constants::MAX_LIGHTS;
 use crate::error::Result;
 use crate::gpu::{Gpu, Uploads};
-use crate::options::{Msaa, Options, Ss};
+use crate::options::{Msaa, Options, Ss, VisibilityWay};
 use crate::plan::Plan;
 use crate::reconstruct::bank::Bank;
 use crate::reconstruct::frame_block::FrameBlock;
@@ -15,6 +15,7 @@ use crate::reconstruct::nodes::Matcher;
 use crate::reconstruct::passes::{BaseDraw, BaseFaces, Painter, PassOptions};
 use crate::reconstruct::table::SceneTable;
 use crate::refine::mesh::Mesh;
+use crate::refine::pixels::Shown;
 use crate::refine::predict::Predictor;
 use crate::refine::{Refiner, StoppedBy, pixels};
 use crate::report::image::FloatImage;
@@ -25,7 +26,8 @@ use crate::scene::topology::Topology;
 use crate::scene::{AlphaMode, Scene, View};
 use crate::trace::sample::Context;
 use crate::trace::{Rays, Settings, Tracer};
-use crate::visibility::{self, Adjacency, Class};
+use crate::visibility::single_pass::CodedImage;
+use crate::visibility::{self, Adjacency, Class, Finder, Found, single_pass};
 
 /// Bytes of the staging buffer that textures are uploaded through.
 const TEXTURE_STAGING: u64 = 32 << 20;
@@ -37,7 +39,7 @@ struct Traced<'s> {
     structures: Vec<Structure>,
     adjacency: Adjacency,
     classes: Vec<Class>,
-    visibility: visibility::Pass,
+    finder: Finder<'s>,
 }
 
 /// Renders frames of one scene on one device.
@@ -83,7 +85,7 @@ impl<'s> Renderer<'s> {
                 adjacency: Adjacency::new(scene, &topology),
                 topology,
                 structures: Structure::all(scene),
-                visibility: visibility::Pass::new(gpu, scene, &classes)?,
+                finder: Finder::new(gpu, scene, &classes, options.method.visibility)?,
                 classes,
             })
         } else {
@@ -93,9 +95,12 @@ impl<'s> Renderer<'s> {
         let bank = Bank::new(&mut uploads, scene, &plan.textures, options.method.filter)?;
         let table = SceneTable::new(scene, &targets, &bank, options.scene.fresnel);
         let base_textures = scene.materials.iter().map(|m| bank.reference(m.base_color_texture)).collect();
-        let base = base_faces(scene, &table, traced.as_ref().map(|traced| traced.classes.as_slice()));
+        let single_pass = traced.is_some() && options.method.visibility == VisibilityWay::SinglePass;
+        let classes = traced.as_ref().map(|traced| traced.classes.as_slice());
+        let base = base_faces(scene, &table, classes, single_pass);
         let pass_options = PassOptions {
             passes: plan.passes.clone(),
+            single_pass,
             equation: options.method.equation,
             samples: if options.method.msaa == Msaa::Four { 4 } else { 1 },
             shaded: match options.method.ss {
@@ -131,10 +136,21 @@ impl<'s> Renderer<'s> {
     pub fn warm_up(&mut self, view: &View) -> Result<f64> {
         let started = Instant::now();
         if let Some(traced) = &mut self.traced {
-            traced.visibility.warm_up(view)?;
+            traced.finder.warm_up(view)?;
         }
         self.painter.warm_up(&FrameBlock::new(self.scene, view), self.traced.is_some())?;
         Ok(ms(started))
+    }
+
+    /// Finds the visible faces of `view` in the way that the options say, and nothing more; `None` if nothing
+    /// is traced.
+    ///
+    /// # Errors
+    /// No device memory left; a lost device.
+    pub fn find_visible(&mut self, view: &View) -> Result<Option<Found<'_>>> {
+        let block = FrameBlock::new(self.scene, view);
+        let Self { traced, painter, .. } = self;
+        traced.as_mut().map(|traced| traced.finder.find(view, || painter.draw_base(&block))).transpose()
     }
 
     /// Renders one frame. `after_step` is shown the image after every refinement step, if given.
@@ -155,7 +171,9 @@ impl<'s> Renderer<'s> {
                     base_textures: &self.base_textures,
                     room: self.options.method.nodes as usize,
                 };
-                Some(sample(traced, &matcher, &self.settings, &self.options, view, &mut stats)?)
+                let (painter, block) = (&mut self.painter, &block);
+                let (settings, options) = (&self.settings, &self.options);
+                Some(sample(traced, || painter.draw_base(block), &matcher, settings, options, view, &mut stats)?)
             }
         };
         let time = Instant::now();
@@ -194,8 +212,9 @@ impl<'s> Renderer<'s> {
 }
 
 /// Visibility, tracing and refinement: from the view to the leaves that are drawn.
-fn sample(
+fn sample<'i>(
     traced: &mut Traced,
+    base: impl FnOnce() -> Result<CodedImage<'i>>,
     matcher: &Matcher,
     settings: &Settings,
     options: &Options,
@@ -203,9 +222,9 @@ fn sample(
     stats: &mut Stats,
 ) -> Result<Leaves> {
     let scene = matcher.scene;
-    let Traced { tracer, topology, structures, adjacency, classes, visibility } = traced;
+    let Traced { tracer, topology, structures, adjacency, classes, finder } = traced;
     let targets = matcher.targets;
-    let visible = visibility.run(view)?;
+    let visible = finder.find(view, base)?;
     stats.time_ms.visibility = visible.times.visibility;
     stats.time_ms.readback = visible.times.readback;
     stats.time_ms.scan = visible.times.scan;
@@ -214,19 +233,20 @@ fn sample(
     stats.image.vt_pixels = visible.faces.vt_pixels;
     stats.faces.visible = visible.visible_vt as u64;
 
+    let shown = Shown::from(&visible);
     let time = Instant::now();
     let context = Context { tracer, targets, settings, view };
     let predictor =
         Predictor { targets, structures, scene, view, reconstruction: options.method.reconstruction };
-    let seeds = adjacency.one_ring(scene, topology, classes, view, &visible.faces.visible);
+    let seeds = adjacency.one_ring(scene, topology, classes, view, visible.visible);
     let mesh = Mesh::new(scene, topology, view, &seeds);
-    let mut refiner = Refiner::new(&context, &predictor, mesh, visible.ids);
+    let mut refiner = Refiner::new(&context, &predictor, mesh, shown);
     let stopped_by = refiner.run(&options.effort, time, |_| Ok::<_, crate::error::Error>(()))?;
     let (predicted, _) = refiner.predicted();
     let refined = ms(time);
 
     let time = Instant::now();
-    let (traced_pixels, pixel_rays) = pixels::trace(&context, &refiner.mesh, visible.ids, &refiner.pixel_faces);
+    let (traced_pixels, pixel_rays) = pixels::trace(&context, &refiner.mesh, shown, &refiner.pixel_faces);
     let pixels_ms = ms(time);
     stats.time_ms.trace = refiner.samples.time.as_secs_f64() * 1e3 + pixels_ms;
 
@@ -249,6 +269,7 @@ fn sample(
     stats.faces.leaves = leaves.leaves.len() as u64;
     stats.faces.defined = u64::from(leaves.defined);
     stats.faces.undefined = u64::from(leaves.undefined);
+    stats.notes.extend(finder.note.clone());
     Ok(leaves)
 }
 
@@ -264,38 +285,41 @@ fn ray_stats(vertices: Rays, pixels: Rays, _traced: usize) -> stats::Rays {
 }
 
 /// Faces that are drawn without samples: all of them if nothing is traced, else occluders and blended faces.
-fn base_faces(scene: &Scene, table: &SceneTable, classes: Option<&[Class]>) -> BaseFaces {
+/// In a single pass those that need samples are drawn too, marked, until leaves take their place.
+fn base_faces(scene: &Scene, table: &SceneTable, classes: Option<&[Class]>, single_pass: bool) -> BaseFaces {
     let mut base = BaseFaces::default();
-    let mut opaque: Vec<(bool, usize)> = Vec::new();
+    let mut opaque: Vec<(bool, bool, usize)> = Vec::new();
     let mut blended: Vec<usize> = Vec::new();
     for (index, object) in scene.objects.iter().enumerate() {
         let class = classes.map_or(Class::Occluder, |classes| classes[index]);
         let material = &scene.materials[object.material as usize];
         let is_blended = material.alpha_mode == AlphaMode::Blend;
         match class {
-            Class::Vt => {}
-            _ if is_blended => blended.push(index),
-            Class::Occluder => opaque.push((!material.double_sided, index)),
-            Class::Shadow => {}
+            Class::Occluder | Class::Shadow if is_blended => blended.push(index),
+            Class::Occluder => opaque.push((false, !material.double_sided, index)),
+            Class::Shadow | Class::Vt if single_pass => opaque.push((true, !material.double_sided, index)),
+            Class::Shadow | Class::Vt => {}
         }
     }
     if opaque.is_empty() && blended.is_empty() {
         return base;
     }
     opaque.sort_unstable();
-    let groups = opaque.chunk_by(|a, b| a.0 == b.0).map(|group| {
-        (group[0].0, false, group.iter().map(|&(_, index)| index).collect::<Vec<_>>())
+    let groups = opaque.chunk_by(|a, b| (a.0, a.1) == (b.0, b.1)).map(|group| {
+        let (marked, cull, _) = group[0];
+        (marked, cull, false, group.iter().map(|&(.., index)| index).collect::<Vec<_>>())
     });
     let blended = blended.into_iter().map(|index| {
-        (!scene.materials[scene.objects[index].material as usize].double_sided, true, vec![index])
+        (false, !scene.materials[scene.objects[index].material as usize].double_sided, true, vec![index])
     });
-    for (cull, is_blended, objects) in groups.chain(blended) {
+    for (marked, cull, blended, objects) in groups.chain(blended) {
         let start = base.leaves.len() as u32;
         for object in objects {
             let faces = scene.objects[object].faces.clone();
-            base.leaves.extend(faces.map(|face| leaves::base_leaf(scene, table, face)));
+            let code = |face| if marked { single_pass::code(face) } else { 0 };
+            base.leaves.extend(faces.map(|face| leaves::base_leaf(scene, table, face, code(face))));
         }
-        base.draws.push(BaseDraw { leaves: start..base.leaves.len() as u32, cull, blended: is_blended });
+        base.draws.push(BaseDraw { leaves: start..base.leaves.len() as u32, cull, blended, marked });
     }
     base.vertices = leaves::base_vertices(&scene.geometry);
     base

@@ -15,7 +15,7 @@ use crate::error::Result;
 use crate::gpu::{
     Binding, Blend, ColorTarget, Commands, Cull, DepthMode, DepthTarget, DescriptorSet, DeviceBuffer, Draws,
     Format, Gpu, GraphicsDesc, GraphicsPipeline, Image, ImageDesc, ReadbackBuffer, ReadbackChoice, Resource,
-    SetLayout, Shader, Targets, Timing, Uploads,
+    SetLayout, Shader, StencilMode, Targets, Timing, Uploads,
 };
 use crate::options::{Equation, Mode};
 use crate::report::image::FloatImage;
@@ -32,6 +32,8 @@ pub const SCENE_BINDINGS: [Binding; 4] = [
 /// Bindings of set 1: what one list of leaves reads.
 pub const LEAF_BINDINGS: [Binding; 3] =
     [Binding::storage("vertices"), Binding::storage("leaves"), Binding::texels("node_table")];
+
+mod base_image;
 
 const UPLOAD_BYTES: u64 = 16 << 20;
 
@@ -80,6 +82,7 @@ struct PipelineKey {
     components: u32,
     blend: PassBlend,
     cull: bool,
+    mark: Mark,
 }
 
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
@@ -87,6 +90,17 @@ enum PassBlend {
     First,
     Later,
     Coverage,
+}
+
+/// What a draw has to do with the mark on pixels of faces that need samples (single-pass visibility).
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
+enum Mark {
+    /// Nothing.
+    Ignored,
+    /// Sets it, or not, where it draws.
+    Set(bool),
+    /// Draws where it is set.
+    Needed,
 }
 
 /// How the image is drawn, apart from the scene and its samples.
@@ -102,6 +116,9 @@ pub struct PassOptions {
     pub shaded: u32,
     /// Whether any material has textures beyond base colour and emission.
     pub detail_textures: bool,
+    /// Whether the faces without samples are drawn before the samples are known, with those that need
+    /// samples among them: see [`Painter::draw_base`].
+    pub single_pass: bool,
     /// Number of lights.
     pub lights: u32,
     /// Whether any material shows highlights.
@@ -128,6 +145,8 @@ pub struct BaseDraw {
     pub cull: bool,
     /// Whether they cover by alpha.
     pub blended: bool,
+    /// Whether they need samples, so that leaves will take their place (single-pass visibility).
+    pub marked: bool,
 }
 
 /// A list of leaves on the device: buffers grow, and are kept from frame to frame.
@@ -150,6 +169,7 @@ pub struct Painter {
     base_draws: Vec<BaseDraw>,
     dynamic: Option<LeafList>,
     pipelines: HashMap<PipelineKey, GraphicsPipeline>,
+    depth_reset: Option<GraphicsPipeline>,
     target: Option<Target>,
     blended_order: Vec<u32>,
 }
@@ -191,6 +211,7 @@ impl Painter {
         )?;
         let base_list = LeafList::new(gpu, &layouts[1], "base", &mut uploads, &base.vertices, &base.leaves, &[])?;
         uploads.flush()?;
+        let depth_reset = options.single_pass.then(|| base_image::depth_reset(gpu)).transpose()?;
         Ok(Self {
             gpu: gpu.clone(),
             options,
@@ -204,6 +225,7 @@ impl Painter {
             base_draws: base.draws.clone(),
             dynamic: None,
             pipelines: HashMap::new(),
+            depth_reset,
             target: None,
             blended_order: Vec::new(),
         })
@@ -263,6 +285,7 @@ impl Painter {
                 components: pass.components,
                 blend,
                 cull: false,
+                mark: self.leaf_mark(),
             }));
         }
         for draw in &self.base_draws {
@@ -293,22 +316,31 @@ impl Painter {
             components: self.options.passes.first().map_or(COMPONENT_PRIMARY, |pass| pass.components),
             blend: if draw.blended { PassBlend::Coverage } else { PassBlend::First },
             cull: draw.cull,
+            mark: match self.options.single_pass && !draw.blended {
+                true => Mark::Set(draw.marked),
+                false => Mark::Ignored,
+            },
         }
     }
 
+    fn leaf_mark(&self) -> Mark {
+        if self.options.single_pass { Mark::Needed } else { Mark::Ignored }
+    }
+
     /// Draws the frame; the leaves are those of the last [`upload`](Self::upload). Returns the device's time
-    /// of each colour pass.
+    /// of each colour pass. In a single pass it draws on top of the last [`draw_base`](Self::draw_base).
     ///
     /// # Errors
     /// No device memory left; a lost device.
     pub fn draw(&mut self, block: &FrameBlock, leaves: Option<&Leaves>) -> Result<Vec<Timing>> {
         self.make_target(block.width(), block.height())?;
         let passes = self.options.passes.clone();
+        let (single_pass, mark) = (self.options.single_pass, self.leaf_mark());
         let draws = leaves.map_or(Vec::new(), leaf_draws);
         for (index, pass) in passes.iter().enumerate() {
             for draw in &draws {
                 if index == 0 || draw.group != LEAVES_PLAIN {
-                    self.pipeline(leaf_key(*pass, index, draw))?;
+                    self.pipeline(leaf_key(*pass, index, draw, mark))?;
                 }
             }
         }
@@ -319,26 +351,30 @@ impl Painter {
         let blended = self.blended_draws();
 
         self.uploads.write(&self.frame, 0, std::slice::from_ref(block))?;
-        let Self { commands, uploads, target, pipelines, scene_set, base, base_draws, dynamic, .. } = self;
+        let Self { commands, uploads, target, pipelines, scene_set, base, base_draws, dynamic, depth_reset, .. } =
+            self;
         let Some(target) = target else { return Ok(Vec::new()) };
         let mut recording = commands.begin()?;
         uploads.record(&mut recording);
+        if let Some(pipeline) = depth_reset {
+            target.reset_depth(&mut recording, pipeline);
+        }
         for (index, &pass) in passes.iter().enumerate() {
             recording.timed(pass.name, |recording| {
-                target.render(recording, index == 0, |commands| {
+                target.render(recording, index == 0 && !single_pass, |commands| {
                     if let Some(list) = dynamic {
                         for draw in draws.iter().filter(|draw| index == 0 || draw.group != LEAVES_PLAIN) {
-                            let pipeline = &pipelines[&leaf_key(pass, index, draw)];
+                            let pipeline = &pipelines[&leaf_key(pass, index, draw, mark)];
                             commands.pipeline(pipeline).set(0, scene_set).set(1, &list.set);
                             commands.draw(3 * draw.leaves.start..3 * draw.leaves.end);
                         }
                     }
-                    if index > 0 {
+                    if index > 0 || single_pass {
                         return;
                     }
                     let opaque = (0..base_draws.len()).filter(|&draw| !base_draws[draw].blended);
                     for draw in opaque {
-                        draw_base(commands, &pipelines[&base_keys[draw]], scene_set, base, &base_draws[draw]);
+                        record_base(commands, &pipelines[&base_keys[draw]], scene_set, base, &base_draws[draw]);
                     }
                 });
             });
@@ -347,7 +383,7 @@ impl Painter {
             recording.timed("blended", |recording| {
                 target.render(recording, false, |commands| {
                     for draw in blended {
-                        draw_base(commands, &pipelines[&base_keys[draw]], scene_set, base, &base_draws[draw]);
+                        record_base(commands, &pipelines[&base_keys[draw]], scene_set, base, &base_draws[draw]);
                     }
                 });
             });
@@ -396,10 +432,14 @@ impl Painter {
                 Image::new(gpu, &desc.with_samples(samples))
             })
             .transpose()?;
-        let depth = ImageDesc::target("depth", Format::Depth32f, width, height).with_samples(samples);
+        let depth = ImageDesc::target("depth", self.depth_format(), width, height).with_samples(samples);
         let staging = ReadbackBuffer::new(gpu, "image staging", color.bytes(), ReadbackChoice::Best)?;
         self.target = Some(Target { color, multisampled, depth: Image::new(gpu, &depth)?, staging });
         Ok(())
+    }
+
+    fn depth_format(&self) -> Format {
+        if self.options.single_pass { Format::Depth32fStencil8 } else { Format::Depth32f }
     }
 
     fn pipeline(&mut self, key: PipelineKey) -> Result<()> {
@@ -414,7 +454,13 @@ impl Painter {
             (4, u32::from(self.options.equation == Equation::Four)),
             (5, self.options.lights),
             (6, u32::from(self.options.highlights)),
+            (7, u32::from(matches!(key.mark, Mark::Set(_)))),
         ];
+        let stencil = match key.mark {
+            Mark::Ignored => StencilMode::Off,
+            Mark::Set(marked) => StencilMode::Mark(marked.into()),
+            Mark::Needed => StencilMode::Test(1),
+        };
         let (blend, depth) = match key.blend {
             PassBlend::First => (Blend::Replace, DepthMode::Write),
             PassBlend::Later => (Blend::Add, DepthMode::Equal),
@@ -426,7 +472,9 @@ impl Painter {
                 fragment: Shader { spirv: spirv!("exact.frag"), constants: &constants },
                 sets: &[&self.layouts[0], &self.layouts[1]],
                 colors: &[(Format::Rgba16f, blend)],
+                depth_format: Some(self.depth_format()),
                 depth,
+                stencil,
                 cull: if key.cull { Cull::Back } else { Cull::None },
                 samples: self.options.samples,
                 ..GraphicsDesc::opaque("leaves", spirv!("leaf.vert"), spirv!("exact.frag"))
@@ -452,16 +500,17 @@ fn leaf_draws(leaves: &Leaves) -> Vec<LeafDraw> {
     ranges.filter(|draw| !draw.leaves.is_empty()).collect()
 }
 
-fn leaf_key(pass: ColorPass, index: usize, draw: &LeafDraw) -> PipelineKey {
+fn leaf_key(pass: ColorPass, index: usize, draw: &LeafDraw, mark: Mark) -> PipelineKey {
     PipelineKey {
         leaves: draw.group,
         components: pass.components,
         blend: if index == 0 { PassBlend::First } else { PassBlend::Later },
         cull: false,
+        mark,
     }
 }
 
-fn draw_base(
+fn record_base(
     commands: &mut Draws<'_, '_>,
     pipeline: &GraphicsPipeline,
     scene: &DescriptorSet,

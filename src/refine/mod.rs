@@ -17,11 +17,11 @@ use glam::Vec3;
 use rayon::prelude::*;
 
 use self::mesh::{Mesh, Split};
+use self::pixels::Shown;
 use self::predict::{Corner, Deviation, Predictor};
 use self::samples::Samples;
 use crate::options::EffortOptions;
 use crate::trace::sample::Context;
-use crate::visibility::IdImage;
 
 /// Longest edge, in pixels, at which a face is no longer bisected.
 pub const STOP_SIZE: f32 = 3.5;
@@ -60,7 +60,7 @@ pub enum StoppedBy {
 pub struct Refiner<'a> {
     context: &'a Context<'a>,
     predictor: &'a Predictor<'a>,
-    ids: IdImage<'a>,
+    shown: Shown<'a>,
     /// The mesh so far.
     pub mesh: Mesh,
     /// The samples of all its vertices.
@@ -110,12 +110,12 @@ impl<'a> Refiner<'a> {
         context: &'a Context<'a>,
         predictor: &'a Predictor<'a>,
         mesh: Mesh,
-        ids: IdImage<'a>,
+        shown: Shown<'a>,
     ) -> Self {
         let mut refiner = Self {
             context,
             predictor,
-            ids,
+            shown,
             mesh,
             samples: Samples::default(),
             pixel_faces: Vec::new(),
@@ -142,7 +142,7 @@ impl<'a> Refiner<'a> {
                 let own = self.predictor.face(corners, self.mesh.size(face));
                 State {
                     deviation: own.plus(inherited(face)),
-                    pixels: pixels::visible(&self.mesh, self.context.view, self.ids, face),
+                    pixels: pixels::visible(&self.mesh, self.context.view, self.shown, face),
                 }
             })
             .collect();

@@ -102,7 +102,7 @@ impl Pass {
         let scan = start.elapsed();
         Ok(Counted {
             visible_vt: visible_in(&self.faces.visible, &self.draw.vt_faces),
-            times: Times::new(&self.commands.timings()?, total, scan),
+            times: Times::new("id buffer", &self.commands.timings()?, total, scan),
             readback_bytes: size_of_val(counts) as u64,
             readback_memory,
             faces: &self.faces,

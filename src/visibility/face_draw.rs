@@ -104,16 +104,12 @@ impl FaceDraw {
             draws.push(BatchDraw { batch, pipeline, mask });
         }
         uploads.flush()?;
-        let of_class = |wanted: Class| {
-            let objects = scene.objects.iter().zip(classes).filter(move |(_, class)| **class == wanted);
-            objects.map(|(object, _)| object.faces.clone()).collect()
-        };
         Ok(Self {
             draws,
             face_set,
             face_count: scene.geometry.faces.len(),
-            vt_faces: of_class(Class::Vt),
-            shadow_faces: of_class(Class::Shadow),
+            vt_faces: faces_of(scene, classes, Class::Vt),
+            shadow_faces: faces_of(scene, classes, Class::Shadow),
         })
     }
 
@@ -143,6 +139,12 @@ impl FaceDraw {
             pass.draw(3 * batch.entries.start..3 * batch.entries.end);
         }
     }
+}
+
+/// Faces of the objects of one class, by object.
+pub fn faces_of(scene: &Scene, classes: &[Class], wanted: Class) -> Vec<Range<u32>> {
+    let objects = scene.objects.iter().zip(classes).filter(|(_, class)| **class == wanted);
+    objects.map(|(object, _)| object.faces.clone()).collect()
 }
 
 /// The ID buffer and its depth, of one size.

@@ -97,7 +97,7 @@ impl Pass {
             visible_vt: visible_in(&self.faces.visible, &self.draw.vt_faces),
             faces: &self.faces,
             ids: IdImage { width: view.width, height: view.height, pixels },
-            times: Times::new(&self.commands.timings()?, total, scan),
+            times: Times::new("id buffer", &self.commands.timings()?, total, scan),
             readback_bytes: images.ids.bytes(),
             readback_memory,
         })
