@@ -484,6 +484,29 @@ fn small_faces_are_found_by_the_ring() {
 }
 
 #[test]
+fn a_hundred_thousand_faces_in_a_thousand_pixels() {
+    let scene = scene(&[(Material::default(), true, sphere(Vec3::ZERO, 1.0, 160))]);
+    assert!(scene.geometry.faces.len() > 100_000);
+    let classes = all_vt(&scene);
+    let (gpu, messages) = gpu();
+    let mut pass = Pass::new(&gpu, &scene, &classes).unwrap();
+    let topology = Topology::new(&scene.geometry);
+    let adjacency = Adjacency::new(&scene, &topology);
+    let coarse = view(&scene, 64, 64);
+    let found = pass.run(&coarse).unwrap();
+    assert!(found.faces.vt_pixels < 1300, "{} pixels", found.faces.vt_pixels);
+    let visible = found.faces.visible.clone();
+    let ring = adjacency.one_ring(&scene, &topology, &classes, &coarse, &visible);
+    // What a reference of 40 x 40 samples a pixel shows.
+    let fine = pass.run(&view(&scene, 2560, 2560)).unwrap().faces.visible.clone();
+    assert!(fine.len() > 30 * visible.len(), "{} faces for {}", fine.len(), visible.len());
+    let missed = fine.iter().filter(|face| ring.binary_search(face).is_err()).count();
+    assert_eq!(missed, 0, "of {} faces", fine.len());
+    drop(pass);
+    assert_clean(gpu, &messages);
+}
+
+#[test]
 fn failures_leave_nothing_behind() {
     let scene = scene(&[(Material::default(), true, quad(Vec2::splat(-1.0), Vec2::splat(1.0), 0.0))]);
     let view = view(&scene, 32, 32);
