@@ -7,6 +7,7 @@ pub mod args;
 mod compare;
 mod devices;
 pub mod output;
+mod profile;
 mod reference;
 pub mod render;
 mod scene;
@@ -33,6 +34,7 @@ enum Command {
     Reference(Box<reference::ReferenceArgs>),
     Compare(compare::CompareArgs),
     Devices(devices::DevicesArgs),
+    Profile(profile::ProfileArgs),
 }
 
 /// Why a command did not do its work.
@@ -74,6 +76,7 @@ pub fn main() -> ExitCode {
             Command::Reference(args) => reference::run(&args)?,
             Command::Compare(args) => compare::run(&args)?,
             Command::Devices(args) => devices::run(&args)?,
+            Command::Profile(args) => profile::run(&args)?,
         }
         Ok(())
     });

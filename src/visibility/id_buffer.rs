@@ -88,6 +88,7 @@ impl Pass {
         recording.timed("copy", |recording| recording.read_image(&images.ids, staging));
         recording.submit_and_wait()?;
         let readback_memory = staging.memory();
+        let drawn = start.elapsed();
         let pixels: &[u32] = staging.read(view.pixels())?;
         let total = start.elapsed();
         let start = Instant::now();
@@ -97,7 +98,7 @@ impl Pass {
             visible_vt: visible_in(&self.faces.visible, &self.draw.vt_faces),
             faces: &self.faces,
             ids: IdImage { width: view.width, height: view.height, pixels },
-            times: Times::new("id buffer", &self.commands.timings()?, total, scan),
+            times: Times::new("id buffer", &self.commands.timings()?, total, scan).with_map(total - drawn),
             readback_bytes: images.ids.bytes(),
             readback_memory,
         })

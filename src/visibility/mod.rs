@@ -73,6 +73,9 @@ pub struct Times {
     pub scan: f64,
     /// The copy on the device alone, by its clock; a part of `readback`.
     pub copy: f64,
+    /// Making the staging buffer readable: invalidating it, or copying it out of uncached memory; a part of
+    /// `readback`.
+    pub map: f64,
 }
 
 impl Times {
@@ -82,7 +85,13 @@ impl Times {
         let device = |name| timings.iter().find(|timing| timing.name == name).map_or(0.0, |timing| timing.ms);
         let ms = |duration: Duration| duration.as_secs_f64() * 1e3;
         let visibility = device(drawn).min(ms(until_read));
-        Self { visibility, readback: ms(until_read) - visibility, scan: ms(scan), copy: device("copy") }
+        let readback = ms(until_read) - visibility;
+        Self { visibility, readback, scan: ms(scan), copy: device("copy").min(readback), map: 0.0 }
+    }
+
+    /// The same, with what [`map`](Self::map) took.
+    fn with_map(self, map: Duration) -> Self {
+        Self { map: (map.as_secs_f64() * 1e3).min(self.readback - self.copy), ..self }
     }
 
     /// All of it.

@@ -42,6 +42,8 @@ pub struct CodedImage<'a> {
     pub timings: Vec<Timing>,
     /// Time until the host could read.
     pub until_read: Duration,
+    /// The last part of it: making the staging buffer readable.
+    pub map: Duration,
     /// Kind of memory that it was read from.
     pub memory: ReadbackMemory,
 }
@@ -93,7 +95,7 @@ impl<'s> Recovery<'s> {
             faces: &self.faces,
             ids: Some(IdImage { width: view.width, height: view.height, pixels: &self.ids }),
             visible_vt: visible_in(&self.marked, &faces_of(self.scene, &self.classes, Class::Vt)),
-            times: Times::new("base image", &image.timings, image.until_read, scan),
+            times: Times::new("base image", &image.timings, image.until_read, scan).with_map(image.map),
             readback_bytes: size_of_val(image.pixels) as u64,
             readback_memory: image.memory,
         })

@@ -44,8 +44,11 @@ impl Painter {
         recording.timed("copy", |recording| recording.read_image(&target.color, &mut target.staging));
         recording.submit_and_wait()?;
         let memory = target.staging.memory();
+        let drawn = started.elapsed();
         let pixels = target.staging.read((block.width() * block.height()) as usize)?;
-        Ok(CodedImage { pixels, timings: self.commands.timings()?, until_read: started.elapsed(), memory })
+        let until_read = started.elapsed();
+        let map = until_read - drawn;
+        Ok(CodedImage { pixels, timings: self.commands.timings()?, until_read, map, memory })
     }
 }
 
