@@ -6,7 +6,7 @@ use glam::{DVec3, Vec2, Vec3, Vec4};
 use rayon::prelude::*;
 use vertex_tracing::{
     constants::{CODE_NONE, CODE_SHADOW, CODE_VT},
-    gpu::{Fault, Gpu, Messages, Options, ReadbackChoice, ReadbackMemory},
+    gpu::{DeviceKind, Fault, Gpu, Messages, Options, ReadbackChoice, ReadbackMemory},
     scene::{
         AlphaMode, Background, Camera, Filter, Geometry, Image, Material, Object, Projection, Sampler, Scene,
         Texture, TextureSlot, View, topology::Topology,
@@ -437,6 +437,27 @@ fn every_kind_of_memory_gives_the_same() {
 }
 
 #[test]
+fn reading_in_place_gives_the_same() {
+    let scene = scene(&[(both_sides(), true, soup(500, 0.5))]);
+    let (gpu, messages) = gpu();
+    let mut pass = Pass::new(&gpu, &scene, &all_vt(&scene)).unwrap();
+    // Rows without gaps, whatever the device's alignment; then rows that may have some.
+    for width in [256, 255] {
+        let view = view(&scene, width, 64);
+        pass.set_readback(ReadbackChoice::Best);
+        pass.run(&view).unwrap();
+        let in_place = pass.run(&view).unwrap().ids.pixels.to_vec();
+        let software = gpu.info().kind == DeviceKind::Cpu;
+        assert!(pass.reads_in_place() == software || width == 255, "software devices need no copy");
+        pass.set_readback(ReadbackChoice::Treat(ReadbackMemory::CachedCoherent));
+        assert!(pass.run(&view).unwrap().ids.pixels == in_place && in_place.iter().any(|&id| id != 0));
+        assert!(!pass.reads_in_place());
+    }
+    drop(pass);
+    assert_clean(gpu, &messages);
+}
+
+#[test]
 fn runs_repeat_for_any_size_order_and_thread_count() {
     let scene = scene(&[(both_sides(), true, soup(2000, 0.3))]);
     let (gpu, messages) = gpu();
@@ -528,7 +549,10 @@ fn failures_leave_nothing_behind() {
     ] {
         let (gpu, messages) = gpu();
         gpu.fail_next(call, fault);
-        let failed = Pass::new(&gpu, &scene, &all_vt(&scene)).and_then(|mut pass| pass.run(&view).map(drop));
+        let failed = Pass::new(&gpu, &scene, &all_vt(&scene)).and_then(|mut pass| {
+            pass.set_readback(ReadbackChoice::Treat(ReadbackMemory::CachedCoherent));
+            pass.run(&view).map(drop)
+        });
         let message = failed.expect_err(call).to_string();
         assert!(message.contains("ID buffer"), "{call}: {message}");
         assert!(message.contains(call) || message.contains("memory"), "{call}: {message}");

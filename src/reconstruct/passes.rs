@@ -295,7 +295,7 @@ impl Painter {
             self.pipeline(*key)?;
         }
         self.uploads.write(&self.frame, 0, std::slice::from_ref(block))?;
-        let Self { commands, uploads, target, pipelines, scene_set, base, .. } = self;
+        let Self { commands, uploads, target, pipelines, scene_set, base, depth_reset, .. } = self;
         let Some(target) = target else { return Ok(()) };
         let mut recording = commands.begin()?;
         uploads.record(&mut recording);
@@ -307,6 +307,9 @@ impl Painter {
                 }
             }
         });
+        if let Some(pipeline) = depth_reset {
+            target.reset_depth(&mut recording, pipeline);
+        }
         recording.submit_and_wait()
     }
 

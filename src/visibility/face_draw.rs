@@ -117,15 +117,14 @@ impl FaceDraw {
     pub fn record(&self, recording: &mut Recording<'_>, images: &IdImages, view: &View, one_pixel: bool) {
         let colors = [ColorTarget { image: &images.ids, clear: Some([0.0; 4]), resolve: None }];
         let depth = Some(DepthTarget { image: &images.depth, clear: true });
-        recording.render(&Targets { colors: &colors, depth }, |pass| {
-            if one_pixel {
-                pass.scissor([0, 0, 1, 1]);
-            }
-            self.draw(pass, view);
-        });
+        recording.render(&Targets { colors: &colors, depth }, |pass| self.draw(pass, view, one_pixel));
     }
 
-    fn draw(&self, pass: &mut Draws<'_, '_>, view: &View) {
+    /// Draws in a render pass.
+    pub fn draw(&self, pass: &mut Draws<'_, '_>, view: &View, one_pixel: bool) {
+        if one_pixel {
+            pass.scissor([0, 0, 1, 1]);
+        }
         for BatchDraw { batch, pipeline, mask } in &self.draws {
             pass.pipeline(pipeline).set(0, &self.face_set);
             if let Some((set, _)) = mask {
@@ -161,11 +160,17 @@ impl IdImages {
     /// # Errors
     /// A size that the device does not support; no device memory left.
     pub fn new(gpu: &Arc<Gpu>, view: &View) -> Result<Self> {
-        let image = |name, format| Image::new(gpu, &ImageDesc::target(name, format, view.width, view.height));
-        Ok(Self {
-            ids: image("ID buffer", Format::Rgba8)?,
-            depth: image("ID buffer depth", Format::Depth32f)?,
-        })
+        let ids = ImageDesc::target("ID buffer", Format::Rgba8, view.width, view.height);
+        Ok(Self { ids: Image::new(gpu, &ids)?, depth: Self::depth(gpu, view)? })
+    }
+
+    /// The depth image alone.
+    ///
+    /// # Errors
+    /// As [`new`](Self::new).
+    pub fn depth(gpu: &Arc<Gpu>, view: &View) -> Result<Image> {
+        let depth = ImageDesc::target("ID buffer depth", Format::Depth32f, view.width, view.height);
+        Image::new(gpu, &depth)
     }
 
     /// Whether they have the size of `view`.

@@ -27,13 +27,13 @@ pub struct Finder<'s> {
 }
 
 enum Way<'s> {
-    IdBuffer(Pass),
-    Device(device::Pass),
+    IdBuffer(Box<Pass>),
+    Device(Box<device::Pass>),
     SinglePass(Recovery<'s>),
     /// Whether it is to be counted on the device is measured once.
     Auto {
-        id_buffer: Pass,
-        counting: device::Pass,
+        id_buffer: Box<Pass>,
+        counting: Box<device::Pass>,
         on_device: Option<bool>,
     },
 }
@@ -44,8 +44,8 @@ impl<'s> Finder<'s> {
     /// # Errors
     /// More faces than IDs; no device memory left.
     pub fn new(gpu: &Arc<Gpu>, scene: &'s Scene, classes: &[Class], way: VisibilityWay) -> Result<Self> {
-        let id_buffer = || Pass::new(gpu, scene, classes);
-        let counting = || device::Pass::new(gpu, scene, classes, ReadbackChoice::Best);
+        let id_buffer = || Pass::new(gpu, scene, classes).map(Box::new);
+        let counting = || device::Pass::new(gpu, scene, classes, ReadbackChoice::Best).map(Box::new);
         let way = match way {
             VisibilityWay::IdBuffer => Way::IdBuffer(id_buffer()?),
             VisibilityWay::Device => Way::Device(counting()?),

@@ -113,6 +113,14 @@ struct Measured {
 fn measure_ways(gpu: &Arc<Gpu>, scene: &Scene, view: &View, plan: &Plan, found: &mut Measured) -> Result<()> {
     let classes = classes(scene);
     let mut id_buffer = Pass::new(gpu, scene, &classes)?;
+    id_buffer.run(view)?;
+    if id_buffer.reads_in_place() {
+        let runs = repeat(plan, || {
+            let run = Run::from(Found::from(id_buffer.run(view)?));
+            Ok(Run { in_place: true, ..run })
+        })?;
+        push_rows(&mut found.rows, VisibilityWay::IdBuffer, scene, view, &runs);
+    }
     for memory in ReadbackMemory::ALL {
         let choice = ReadbackChoice::Only(memory);
         if !choice.available(gpu) {
@@ -153,6 +161,7 @@ fn measure_single_pass(gpu: &Arc<Gpu>, scene: &Scene, view: &View, plan: &Plan) 
 
 /// What one run says of its time.
 struct Run {
+    in_place: bool,
     times: Times,
     bytes: u64,
     memory: ReadbackMemory,
@@ -160,7 +169,12 @@ struct Run {
 
 impl From<Found<'_>> for Run {
     fn from(found: Found<'_>) -> Self {
-        Self { times: found.times, bytes: found.readback_bytes, memory: found.readback_memory }
+        Self {
+            in_place: false,
+            times: found.times,
+            bytes: found.readback_bytes,
+            memory: found.readback_memory,
+        }
     }
 }
 
@@ -179,6 +193,7 @@ fn push_rows(rows: &mut Vec<Row>, way: VisibilityWay, scene: &Scene, view: &View
     rows.extend(STAGES.into_iter().enumerate().map(|(index, stage)| Row {
         way: way.to_string(),
         memory: first.memory.name(),
+        in_place: first.in_place,
         width: view.width,
         height: view.height,
         triangles: scene.geometry.faces.len() as u64,

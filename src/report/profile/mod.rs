@@ -39,6 +39,8 @@ pub struct Row {
     pub way: String,
     /// Kind of memory that was read: `cached-coherent`, `cached` or `uncached`.
     pub memory: &'static str,
+    /// Whether the memory was read where the device drew, without a copy.
+    pub in_place: bool,
     /// Image width in pixels.
     pub width: u32,
     /// Image height in pixels.

@@ -27,7 +27,7 @@ pub fn svg(profile: &Profile) -> Result<String, Box<dyn std::error::Error + Send
     let scene = profile.rows.first().map_or(0, |row| row.triangles);
     let mut lines: BTreeMap<String, Vec<(f64, f64)>> = BTreeMap::new();
     for row in profile.rows.iter().filter(|row| row.stage == "total" && row.triangles == scene) {
-        let name = format!("{}, {}", row.way, row.memory);
+        let name = format!("{}, {}", row.way, if row.in_place { "in place" } else { row.memory });
         lines.entry(name).or_default().push((megapixels(row), row.spread.median_ms));
         if row.way == "id-buffer"
             && let Some(copy) = profile.memcpy.iter().find(|copy| copy.bytes == row.bytes)

@@ -53,7 +53,8 @@ impl Profile {
     fn line(&self, f: &mut fmt::Formatter<'_>, stages: &[Row]) -> fmt::Result {
         let (Some(first), Some(total)) = (stages.first(), stages.last()) else { return Ok(()) };
         let size = format!("{}x{}", first.width, first.height);
-        write!(f, "{:<12}{:<16}{size:>10}{:>10}", first.way, first.memory, first.triangles)?;
+        let memory = if first.in_place { "in place" } else { first.memory };
+        write!(f, "{:<12}{memory:<16}{size:>10}{:>10}", first.way, first.triangles)?;
         stages.iter().try_for_each(|row| write!(f, "{:>9.3}", row.spread.median_ms))?;
         let after_draw = total.spread.median_ms - first.spread.median_ms;
         let spread = format!("{:.2}-{:.2}", total.spread.p10_ms, total.spread.p90_ms);
@@ -65,6 +66,6 @@ impl Profile {
 }
 
 /// What rows of one line have in common.
-fn key(row: &Row) -> (&str, &str, u32, u32, u64) {
-    (&row.way, row.memory, row.width, row.height, row.triangles)
+fn key(row: &Row) -> (&str, &str, bool, u32, u32, u64) {
+    (&row.way, row.memory, row.in_place, row.width, row.height, row.triangles)
 }
