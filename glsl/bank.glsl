@@ -1,11 +1,23 @@
 // The texture bank: every texture of the scene, as a layer of one of a few array textures.
 //
-// Vulkan 1.3 alone cannot index sampled images dynamically, but it can choose a layer; the array is chosen by
-// a branch that is uniform over a leaf. Gradients are explicit, so that the branch does no harm.
+// Vulkan 1.3 alone cannot index sampled images dynamically, but it can choose a layer. Draws are grouped so that
+// the arrays of nearly all look-ups are bound for the draw; where they are not, every array in use is sampled,
+// since software devices execute both sides of a branch. Gradients are explicit, so that branches do no harm.
 #ifndef BANK_GLSL
 #define BANK_GLSL
 
 layout(set = 0, binding = 2) uniform sampler2DArray bank[MAX_BANK_ARRAYS];
+
+// The arrays of a draw: its own texture's, the first target's, and its nodes'.
+layout(set = 2, binding = 0) uniform sampler2DArray own_texture;
+layout(set = 2, binding = 1) uniform sampler2DArray first_texture;
+layout(set = 2, binding = 2) uniform sampler2DArray node_texture;
+
+// Layer of `bound`, the array of `reference`, or white for NO_TEXTURE.
+vec4 bound_texel(sampler2DArray bound, uint reference, vec2 uv, vec2 dx, vec2 dy) {
+    vec4 texel = textureGrad(bound, vec3(uv, float((reference >> 8) & 0xffffu)), dx, dy);
+    return reference == NO_TEXTURE ? vec4(1.0) : texel;
+}
 
 // Number of arrays in use: later ones are compiled out.
 layout(constant_id = 0) const uint BANK_ARRAYS = MAX_BANK_ARRAYS;

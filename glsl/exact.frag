@@ -5,14 +5,16 @@
 #include "shading.glsl"
 
 // What the leaves of this draw may have: LEAVES_PLAIN no specular part, LEAVES_FIRST at most the patch that the
-// view ray meets after one bounce, LEAVES_NODES any number of nodes besides.
-layout(constant_id = 2) const uint LEAVES = LEAVES_NODES;
+// view ray meets after one bounce, LEAVES_NODES any number of textures besides, LEAVES_ALL nodes of any kind.
+layout(constant_id = 2) const uint LEAVES = LEAVES_ALL;
+// Whether the textures of its nodes all lie in `node_texture`.
+layout(constant_id = 9) const bool MIXED_TEXTURES = true;
 // Components that this pass adds up: all in one pass, or one group a pass.
 layout(constant_id = 3) const uint COMPONENTS = 31;
 // Eq. 4 multiplies the combined colour by the first texture of its branch; Eq. 3 adds it.
 layout(constant_id = 4) const bool EQUATION_FOUR = false;
 // Alpha carries the primary-face code, a half, in place of coverage (single-pass visibility).
-layout(constant_id = 7) const bool CODED = false;
+layout(constant_id = 10) const bool CODED = false;
 
 layout(set = 1, binding = 2) uniform usamplerBuffer node_table;
 layout(set = 0, binding = 3) uniform sampler2DArray environment;
@@ -86,7 +88,9 @@ vec3 candidates_radiance(uvec4 head, Ray ray, out vec3 texel) {
     uint material = scene_words(best_target + 1u).x;
     uvec4 textures = scene_words(material + 4u);
     vec4 base_texel = bank_texel(textures.x, best.base_uv, base_dx, base_dy);
-    vec3 emission_texel = bank_texel(textures.y, best.emissive_uv, emissive_dx, emissive_dy).rgb;
+    vec3 emission_texel = vec3(1.0);
+    if (HAS_EMISSION_TEXTURES)
+        emission_texel = bank_texel(textures.y, best.emissive_uv, emissive_dx, emissive_dy).rgb;
     texel = base_texel.rgb;
     vec4 constants[4];
     material_constants(material, constants);
@@ -106,7 +110,8 @@ vec3 first_radiance(vec3 direction, out vec3 texel) {
     vec2 dx = dFdx(at), dy = dFdy(at);
     texel = vec3(1.0);
     if (s <= 0.0) return vec3(0.0);
-    vec4 base_texel = bank_texel(floatBitsToUint(first[3].w), at, dx, dy);
+    vec4 base_texel = vec4(1.0);
+    if (HAS_BASE_TEXTURES) base_texel = bound_texel(first_texture, floatBitsToUint(first[3].w), at, dx, dy);
     texel = base_texel.rgb;
     vec4 constants[4] = vec4[4](vec4(first[3].rgb, 1.0), first[4], first[5], first[6]);
     Material m = material_from(constants, vec4(1.0), base_texel, vec3(1.0));
@@ -121,42 +126,34 @@ vec3 environment_radiance(vec3 direction) {
     return textureLod(environment, vec3(u, v, 0.0), 0.0).rgb;
 }
 
+vec4 weighted(uint at) {
+    return weights.x * node_floats(at) + weights.y * node_floats(at + 1u) + weights.z * node_floats(at + 2u);
+}
+
 // What one node adds, before α.
 vec3 node_radiance(inout uint at, Branches branches, out uint branch) {
     uvec4 head = node_words(at);
     uint kind = head.x & 7u;
     branch = (head.x >> 3) & 1u;
-    at += 1u;
+    vec4 shade = weighted(at + 1u);
+    vec4 bundle = weighted(at + 4u);
+    vec4 rest = weighted(at + 7u);
+    at += NODE_TEXELS;
+    // The bundle's ray meets the plane at s; both coordinates are affine in s. On a chart s is 0.
+    float s = bundle.x / bundle.y;
+    vec2 where = (bundle.zw + s * rest.xy) / shade.w;
+    vec2 dx = dFdx(where), dy = dFdy(where);
+    vec3 value = shade.rgb;
+    if (MIXED_TEXTURES) value *= bank_texel(head.y, where, dx, dy).rgb;
+    else value *= bound_texel(node_texture, head.y, where, dx, dy).rgb;
+    if (LEAVES != LEAVES_ALL || kind == NODE_TEXTURE) return value;
+
     vec3 texel;
     vec3 bounced = branch == 0u ? branches.reflected : branches.refracted;
     if (kind == NODE_FIRST_PLANES) return candidates_radiance(head, Ray(position, bounced), texel);
     if (kind == NODE_FIRST_ENVIRONMENT) return environment_radiance(bounced);
-    vec4 a[3];
-    for (uint i = 0u; i < 3u; ++i) a[i] = node_floats(at + i);
-    vec4 shade = weights.x * a[0] + weights.y * a[1] + weights.z * a[2];
-    at += 3u;
-    vec4 c[3];
-    for (uint i = 0u; i < 3u; ++i) c[i] = node_floats(at + i);
-    vec4 bundle = weights.x * c[0] + weights.y * c[1] + weights.z * c[2];
-    at += 3u;
     if (kind == NODE_ENVIRONMENT) return shade.rgb * environment_radiance(normalize(bundle.xyz));
-    if (kind == NODE_CHART) {
-        // Projective coordinates: w u, w v, w.
-        vec2 where = bundle.xy / bundle.z;
-        return shade.rgb * bank_texel(head.y, where, dFdx(where), dFdy(where)).rgb;
-    }
-    vec4 e[3];
-    for (uint i = 0u; i < 3u; ++i) e[i] = node_floats(at + i);
-    vec4 rest = weights.x * e[0] + weights.y * e[1] + weights.z * e[2];
-    at += 3u;
-    if (kind == NODE_PLANES) {
-        Ray ray = Ray(bundle.xyz / shade.w, rest.xyz / shade.w);
-        return shade.rgb * candidates_radiance(head, ray, texel);
-    }
-    // NODE_PLANE: the bundle's ray meets the plane at s; both coordinates are affine in s.
-    float s = bundle.x / bundle.y;
-    vec2 where = (bundle.zw + s * rest.xy) / shade.w;
-    return shade.rgb * bank_texel(head.y, where, dFdx(where), dFdy(where)).rgb;
+    return shade.rgb * candidates_radiance(head, Ray(bundle.xyz / shade.w, rest.xyz / shade.w), texel);
 }
 
 void main() {
@@ -166,8 +163,12 @@ void main() {
     if (dot(n, ng) < 0.0) ng = -ng;
 
     bool outside = dot(ng, d) < 0.0;
-    vec4 base_texel = bank_texel(references.x, slot_uv.xy, dFdx(slot_uv.xy), dFdy(slot_uv.xy));
-    vec3 emission_texel = bank_texel(references.y, slot_uv.zw, dFdx(slot_uv.zw), dFdy(slot_uv.zw)).rgb;
+    vec4 base_texel = vec4(1.0);
+    vec3 emission_texel = vec3(1.0);
+    if (HAS_BASE_TEXTURES)
+        base_texel = bound_texel(own_texture, references.x, slot_uv.xy, dFdx(slot_uv.xy), dFdy(slot_uv.xy));
+    if (HAS_EMISSION_TEXTURES)
+        emission_texel = bank_texel(references.y, slot_uv.zw, dFdx(slot_uv.zw), dFdy(slot_uv.zw)).rgb;
     Material m = material_from(own, color, base_texel, emission_texel);
     if (HAS_DETAIL_TEXTURES) {
         Coordinates at;
@@ -194,7 +195,7 @@ void main() {
             vec3 bounced = first_branch == 0u ? branches.reflected : branches.refracted;
             textured[first_branch] = first_radiance(bounced, first_texel);
         }
-        if (LEAVES == LEAVES_NODES) {
+        if (LEAVES >= LEAVES_NODES) {
             uint at_node = header.z;
             for (uint i = header.w >> LEAF_COUNT_SHIFT; i > 0u; --i) {
                 uint branch;

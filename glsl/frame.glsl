@@ -10,7 +10,7 @@ struct Light {
     vec3 intensity;
     float outer_cos;
     float cone_scale;   // 1 / (inner_cos - outer_cos)
-    uint pad0, pad1, pad2;
+    uint pad[3];        // fills the last 16 bytes
 };
 
 layout(set = 0, binding = 0, scalar) uniform Frame {

@@ -11,6 +11,7 @@
 
 layout(set = 1, binding = 0, scalar) readonly buffer Vertices { Vertex vertices[]; };
 layout(set = 1, binding = 1, scalar) readonly buffer Leaves { Leaf leaves[]; };
+layout(set = 1, binding = 2) uniform usamplerBuffer node_table;
 
 layout(location = 0) centroid out vec3 position;
 layout(location = 1) centroid out vec3 normal;
@@ -47,10 +48,17 @@ void main() {
     weights = vec3(corner == 0u, corner == 1u, corner == 2u);
     color = vec4(unpackHalf2x16(vertex.color[0]), unpackHalf2x16(vertex.color[1]));
     tangent = vec4(unpackHalf2x16(vertex.tangent[0]), unpackHalf2x16(vertex.tangent[1]));
-    comb_reflected = leaf.comb[corner][0];
-    comb_transmitted = leaf.comb[corner][1];
+    // What is Gouraud-shaded of reflection and transmission, before α: a texel a corner and branch.
+    uint rest = leaf.nodes;
+    comb_reflected = vec3(0.0);
+    comb_transmitted = vec3(0.0);
+    if ((leaf.flags & LEAF_COMBINED) != 0u) {
+        comb_reflected = uintBitsToFloat(texelFetch(node_table, int(rest + 2u * corner)).xyz);
+        comb_transmitted = uintBitsToFloat(texelFetch(node_table, int(rest + 2u * corner + 1u)).xyz);
+        rest += COMBINED_TEXELS;
+    }
 
-    header = uvec4(leaf.material, leaf.lit, leaf.nodes, leaf.flags);
+    header = uvec4(leaf.material, leaf.lit, rest, leaf.flags);
     uvec4 textures = scene_words(leaf.material + 4u);
     references = uvec4(textures.x, textures.y, leaf.first_target, leaf.first_lit);
     vec3 a = vertices[leaf.vertices[0]].position;

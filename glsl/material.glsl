@@ -8,6 +8,9 @@
 
 // Whether any material has a texture other than base colour and emission, or a normal map.
 layout(constant_id = 1) const bool HAS_DETAIL_TEXTURES = true;
+// Whether any material has a texture on its emission, or any at all on its base colour.
+layout(constant_id = 7) const bool HAS_EMISSION_TEXTURES = true;
+layout(constant_id = 8) const bool HAS_BASE_TEXTURES = true;
 
 struct Material {
     vec3 base;          // factor × vertex colour, without the texture

@@ -80,14 +80,19 @@ shared_constants! {
     NODE_FIRST_PLANES: u32 = 0;
     /// Deeper bounce onto one of several patches: a weighted bundle of the corners' rays.
     NODE_PLANES: u32 = 1;
-    /// Deeper bounce onto one patch: the bundle's ray, multiplied out.
-    NODE_PLANE: u32 = 2;
-    /// A curved target: projective texture coordinates.
-    NODE_CHART: u32 = 3;
     /// First bounce into the environment.
-    NODE_FIRST_ENVIRONMENT: u32 = 4;
+    NODE_FIRST_ENVIRONMENT: u32 = 2;
     /// Deeper bounce into the environment.
-    NODE_ENVIRONMENT: u32 = 5;
+    NODE_ENVIRONMENT: u32 = 3;
+    /// A texture whose coordinates follow from interpolation: a bundle of rays onto one patch, or projective
+    /// coordinates on a chart.
+    NODE_TEXTURE: u32 = 4;
+    /// Texels of a node: its head, then three of each corner.
+    NODE_TEXELS: u32 = 10;
+    /// Combined colours come first in the leaf's part of the node table.
+    LEAF_COMBINED: u32 = 1;
+    /// Texels of combined colours: one a corner and branch.
+    COMBINED_TEXELS: u32 = 6;
     /// Pixels of the leaf were traced one by one.
     LEAF_TRACED: u32 = 2;
     /// Where a leaf's flags end and its number of nodes begins, in bits.
@@ -98,8 +103,12 @@ shared_constants! {
     LEAVES_PLAIN: u32 = 0;
     /// Leaves with at most the patch that the view ray meets after one bounce.
     LEAVES_FIRST: u32 = 1;
-    /// Leaves with any number of nodes besides.
+    /// Leaves with any number of nodes of kind `NODE_TEXTURE` besides.
     LEAVES_NODES: u32 = 2;
+    /// Leaves with nodes of any kind.
+    LEAVES_ALL: u32 = 3;
+    /// Textures of nodes lie in several arrays of the bank.
+    MIXED_ARRAYS: u32 = 0xff;
     /// C_prim · CT_prim of Eq. 3.
     COMPONENT_PRIMARY: u32 = 1;
     /// α_r · C_refl · CT_refl.

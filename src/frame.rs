@@ -1,21 +1,26 @@
 //! One frame, from camera to finished image: a script of the stages (design §1).
 
 use std::sync::Arc;
-use std::time::Instant;
+use std::time::{Duration, Instant};
 
-use crate::constants::MAX_LIGHTS;
+use rustc_hash::FxHashSet;
+
+use crate::constants::{COMPONENT_PRIMARY, MAX_LIGHTS};
 use crate::error::Result;
 use crate::gpu::{Gpu, Uploads};
-use crate::options::{Msaa, Options, Ss, VisibilityWay};
+use crate::options::{Msaa, Options, Reconstruction, Ss, VisibilityWay};
 use crate::plan::Plan;
 use crate::reconstruct::bank::Bank;
+use crate::reconstruct::drawn::Drawn;
 use crate::reconstruct::frame_block::FrameBlock;
-use crate::reconstruct::leaves::{self, Leaves};
-use crate::reconstruct::nodes::Matcher;
+use crate::reconstruct::leaves;
+use crate::reconstruct::nodes::{Corner, Matcher};
+use crate::reconstruct::paper;
 use crate::reconstruct::passes::{BaseDraw, BaseFaces, Painter, PassOptions};
+use crate::reconstruct::show::{self, FrameData, LeafKind, Overlay};
 use crate::reconstruct::table::SceneTable;
 use crate::refine::mesh::Mesh;
-use crate::refine::pixels::Shown;
+use crate::refine::pixels::{Shown, TracedPixel};
 use crate::refine::predict::Predictor;
 use crate::refine::{Refiner, StoppedBy, pixels};
 use crate::report::image::FloatImage;
@@ -26,7 +31,6 @@ use crate::scene::topology::Topology;
 use crate::scene::{AlphaMode, Scene, View};
 use crate::trace::sample::Context;
 use crate::trace::{Rays, Settings, Tracer};
-use crate::visibility::single_pass::CodedImage;
 use crate::visibility::{self, Adjacency, Class, Finder, Found, single_pass};
 
 /// Bytes of the staging buffer that textures are uploaded through.
@@ -39,7 +43,6 @@ struct Traced<'s> {
     structures: Vec<Structure>,
     adjacency: Adjacency,
     classes: Vec<Class>,
-    finder: Finder<'s>,
 }
 
 /// Renders frames of one scene on one device.
@@ -49,17 +52,36 @@ pub struct Renderer<'s> {
     options: Options,
     plan: Plan,
     traced: Option<Traced<'s>>,
+    /// Finds what is visible, if anything is traced.
+    finder: Option<Finder<'s>>,
     targets: Targets,
     table: SceneTable,
     base_textures: Vec<u32>,
     painter: Painter,
     settings: Settings,
     bvh_ms: f64,
+    /// From the end of refinement to the finished image, as the last frame took: what a time budget keeps back.
+    finishing: Duration,
 }
+
+/// The image after a refinement step; the first is the preview, before any.
+pub struct Step {
+    /// Steps taken.
+    pub number: u32,
+    /// Vertices traced.
+    pub samples: u64,
+    /// Predicted RMS displacement of what is reflected, in pixels over VT pixels.
+    pub predicted_error: f32,
+    /// The image, linear.
+    pub image: FloatImage,
+}
+
+/// What is shown the image after every step; an error of it ends the frame.
+pub type Observer<'o> = &'o mut dyn FnMut(&Step) -> Result<()>;
 
 /// A finished frame.
 pub struct Frame {
-    /// The image, linear.
+    /// The image, linear; with [`Options::show`], the picture that it names.
     pub image: FloatImage,
     /// What it took.
     pub stats: Stats,
@@ -85,20 +107,25 @@ impl<'s> Renderer<'s> {
                 adjacency: Adjacency::new(scene, &topology),
                 topology,
                 structures: Structure::all(scene),
-                finder: Finder::new(gpu, scene, &classes, options.method.visibility)?,
                 classes,
             })
         } else {
             None
         };
+        let finder = traced
+            .as_ref()
+            .map(|traced| Finder::new(gpu, scene, &traced.classes, options.method.visibility))
+            .transpose()?;
         let mut uploads = Uploads::new(gpu, "texture uploads", TEXTURE_STAGING)?;
         let bank = Bank::new(&mut uploads, scene, &plan.textures, options.method.filter)?;
         let table = SceneTable::new(scene, &targets, &bank, options.scene.fresnel);
-        let base_textures = scene.materials.iter().map(|m| bank.reference(m.base_color_texture)).collect();
+        let base_textures: Vec<u32> =
+            scene.materials.iter().map(|m| bank.reference(m.base_color_texture)).collect();
         let single_pass = traced.is_some() && options.method.visibility == VisibilityWay::SinglePass;
         let classes = traced.as_ref().map(|traced| traced.classes.as_slice());
-        let base = base_faces(scene, &table, classes, single_pass);
+        let base = base_faces(scene, &table, &base_textures, classes, single_pass);
         let pass_options = PassOptions {
+            reconstruction: options.method.reconstruction,
             passes: plan.passes.clone(),
             single_pass,
             equation: options.method.equation,
@@ -111,6 +138,8 @@ impl<'s> Renderer<'s> {
             detail_textures: plan.detail_textures,
             lights: (scene.lights.len() as u32).min(MAX_LIGHTS),
             highlights: plan.highlights,
+            emission_textures: plan.emission_textures,
+            base_textures: plan.base_textures,
         };
         let painter = Painter::new(gpu, pass_options, bank, &table, &base)?;
         let settings = Settings::new(&options.paths, &options.scene);
@@ -120,25 +149,33 @@ impl<'s> Renderer<'s> {
             options: options.clone(),
             plan,
             traced,
+            finder,
             targets,
             table,
             base_textures,
             painter,
             settings,
             bvh_ms,
+            finishing: Duration::ZERO,
         })
     }
 
     /// Draws every pipeline once, so that drivers compile before anything is timed. Returns milliseconds.
     ///
+    /// A frame with a time budget is rehearsed: what it takes from the last sample to the image is kept back
+    /// from the next frame's budget.
+    ///
     /// # Errors
     /// What the driver says; no device memory left.
     pub fn warm_up(&mut self, view: &View) -> Result<f64> {
         let started = Instant::now();
-        if let Some(traced) = &mut self.traced {
-            traced.finder.warm_up(view)?;
+        if let Some(finder) = &mut self.finder {
+            finder.warm_up(view)?;
         }
         self.painter.warm_up(&FrameBlock::new(self.scene, view), self.traced.is_some())?;
+        if self.options.effort.budget.is_some() {
+            self.render(view)?;
+        }
         Ok(ms(started))
     }
 
@@ -149,21 +186,31 @@ impl<'s> Renderer<'s> {
     /// No device memory left; a lost device.
     pub fn find_visible(&mut self, view: &View) -> Result<Option<Found<'_>>> {
         let block = FrameBlock::new(self.scene, view);
-        let Self { traced, painter, .. } = self;
-        traced.as_mut().map(|traced| traced.finder.find(view, || painter.draw_base(&block))).transpose()
+        let Self { finder, painter, .. } = self;
+        finder.as_mut().map(|finder| finder.find(view, || painter.draw_base(&block))).transpose()
     }
 
-    /// Renders one frame. `after_step` is shown the image after every refinement step, if given.
+    /// Renders one frame.
+    ///
+    /// # Errors
+    /// No device memory left; a lost device.
+    pub fn render(&mut self, view: &View) -> Result<Frame> {
+        self.render_steps(view, None)
+    }
+
+    /// Renders one frame, and shows the preview and the image after every refinement step to `after_step`.
+    /// Drawing them counts as the frame's time.
     ///
     /// # Errors
     /// No device memory left; a lost device; whatever `after_step` returns.
-    pub fn render(&mut self, view: &View) -> Result<Frame> {
+    pub fn render_steps(&mut self, view: &View, mut after_step: Option<Observer>) -> Result<Frame> {
         let started = Instant::now();
         let mut stats = self.blank_stats(view);
         let block = FrameBlock::new(self.scene, view);
-        let leaves = match &mut self.traced {
-            None => None,
-            Some(traced) => {
+        let mut overlay = None;
+        let mut refined = Instant::now();
+        let leaves = match (&self.traced, &mut self.finder) {
+            (Some(traced), Some(finder)) => {
                 let matcher = Matcher {
                     scene: self.scene,
                     targets: &self.targets,
@@ -171,10 +218,35 @@ impl<'s> Renderer<'s> {
                     base_textures: &self.base_textures,
                     room: self.options.method.nodes as usize,
                 };
-                let (painter, block) = (&mut self.painter, &block);
-                let (settings, options) = (&self.settings, &self.options);
-                Some(sample(traced, || painter.draw_base(block), &matcher, settings, options, view, &mut stats)?)
+                let (painter, plan) = (&mut self.painter, &self.plan);
+                let found = finder.find(view, || painter.draw_base(&block))?;
+                let mut draw_step = |leaves: &Drawn, refiner: &Refiner, after: &mut Option<Observer>| {
+                    let Some(after) = after else { return Ok(()) };
+                    painter.upload(leaves)?;
+                    painter.draw(&block, Some(leaves), &plan.passes_for(leaves.components()).0)?;
+                    after(&Step {
+                        number: refiner.steps,
+                        samples: refiner.samples.len() as u64,
+                        predicted_error: refiner.predicted().0,
+                        image: painter.read_image()?,
+                    })
+                };
+                let job = Job {
+                    matcher: &matcher,
+                    settings: &self.settings,
+                    options: &self.options,
+                    view,
+                    started: started.checked_sub(self.finishing).unwrap_or(started),
+                };
+                let observed = after_step.is_some();
+                let mut observe =
+                    |leaves: &Drawn, refiner: &Refiner| draw_step(leaves, refiner, &mut after_step);
+                let sampled = job.sample(traced, &found, &mut stats, observed.then_some(&mut observe))?;
+                (overlay, refined) = (sampled.overlay, sampled.refined);
+                stats.notes.extend(finder.note.clone());
+                Some(sampled.leaves)
             }
+            _ => None,
         };
         let time = Instant::now();
         if let Some(leaves) = &leaves {
@@ -182,24 +254,30 @@ impl<'s> Renderer<'s> {
         }
         stats.time_ms.upload = ms(time);
         let time = Instant::now();
-        let timings = self.painter.draw(&block, leaves.as_ref())?;
+        let (passes, nothing) =
+            self.plan.passes_for(leaves.as_ref().map_or(COMPONENT_PRIMARY, Drawn::components));
+        stats.left_out.extend(nothing);
+        let drawings = self.painter.draw(&block, leaves.as_ref(), &passes)?;
         stats.time_ms.draw = ms(time);
         stats.time_ms.frame = ms(started);
-        stats.passes =
-            timings.into_iter().map(|timing| stats::Pass { name: timing.name.into(), ms: timing.ms }).collect();
-        Ok(Frame { image: self.painter.read_image()?, stats })
+        stats.passes = drawings
+            .into_iter()
+            .map(|drawing| stats::Pass {
+                name: drawing.name.into(),
+                ms: drawing.ms,
+                draws: drawing.draws.into(),
+            })
+            .collect();
+        self.finishing = refined.elapsed();
+        let image = self.painter.read_image()?;
+        Ok(Frame { image: overlay.map_or(image.clone(), |overlay| overlay.over(&image)), stats })
     }
 
     fn blank_stats(&self, view: &View) -> Stats {
         let scene = self.scene;
         let info = self.gpu.info();
         Stats {
-            scene: stats::SceneStats {
-                triangles: scene.geometry.faces.len() as u64,
-                vt_faces: scene.vt_faces() as u64,
-                textures: scene.textures.len() as u64,
-                lights: scene.lights.len() as u64,
-            },
+            scene: stats::SceneStats::of(scene),
             image: stats::ImageStats { width: view.width, height: view.height, vt_pixels: 0 },
             time_ms: stats::Times { bvh: self.bvh_ms, ..stats::Times::default() },
             left_out: self.plan.left_out.clone(),
@@ -211,66 +289,142 @@ impl<'s> Renderer<'s> {
     }
 }
 
-/// Visibility, tracing and refinement: from the view to the leaves that are drawn.
-fn sample<'i>(
-    traced: &mut Traced,
-    base: impl FnOnce() -> Result<CodedImage<'i>>,
-    matcher: &Matcher,
-    settings: &Settings,
-    options: &Options,
-    view: &View,
-    stats: &mut Stats,
-) -> Result<Leaves> {
-    let scene = matcher.scene;
-    let Traced { tracer, topology, structures, adjacency, classes, finder } = traced;
-    let targets = matcher.targets;
-    let visible = finder.find(view, base)?;
-    stats.time_ms.visibility = visible.times.visibility;
-    stats.time_ms.readback = visible.times.readback;
-    stats.time_ms.scan = visible.times.scan;
-    stats.readback.bytes = visible.readback_bytes;
-    stats.readback.memory = Some(visible.readback_memory.name().into());
-    stats.image.vt_pixels = visible.faces.vt_pixels;
-    stats.faces.visible = visible.visible_vt as u64;
+/// What sampling a frame needs besides what is traced.
+struct Job<'a> {
+    matcher: &'a Matcher<'a>,
+    settings: &'a Settings,
+    options: &'a Options,
+    view: &'a View,
+    /// When the time budget began to run.
+    started: Instant,
+}
 
-    let shown = Shown::from(&visible);
-    let time = Instant::now();
-    let context = Context { tracer, targets, settings, view };
-    let predictor =
-        Predictor { targets, structures, scene, view, reconstruction: options.method.reconstruction };
-    let seeds = adjacency.one_ring(scene, topology, classes, view, visible.visible);
-    let mesh = Mesh::new(scene, topology, view, &seeds);
-    let mut refiner = Refiner::new(&context, &predictor, mesh, shown);
-    let stopped_by = refiner.run(&options.effort, time, |_| Ok::<_, crate::error::Error>(()))?;
-    let (predicted, _) = refiner.predicted();
-    let refined = ms(time);
+/// What sampling a frame gives.
+struct Sampled {
+    leaves: Drawn,
+    /// The picture of [`Options::show`].
+    overlay: Option<Overlay>,
+    /// When refinement ended.
+    refined: Instant,
+}
 
-    let time = Instant::now();
-    let (traced_pixels, pixel_rays) = pixels::trace(&context, &refiner.mesh, shown, &refiner.pixel_faces);
-    let pixels_ms = ms(time);
-    stats.time_ms.trace = refiner.samples.time.as_secs_f64() * 1e3 + pixels_ms;
+/// What is shown the leaves after every step.
+type LeafObserver<'o> = &'o mut dyn FnMut(&Drawn, &Refiner) -> Result<()>;
 
-    let time = Instant::now();
-    let leaves =
-        leaves::assemble(matcher, view, &refiner.mesh, &refiner.samples, &traced_pixels, &refiner.pixel_faces);
-    stats.time_ms.refine = refined - refiner.samples.time.as_secs_f64() * 1e3 + ms(time);
+impl Job<'_> {
+    /// Visibility, tracing and refinement: from the view to the leaves that are drawn.
+    fn sample(
+        &self,
+        traced: &Traced,
+        visible: &Found,
+        stats: &mut Stats,
+        mut after_step: Option<LeafObserver>,
+    ) -> Result<Sampled> {
+        let Self { matcher, settings, options, view, .. } = *self;
+        let scene = matcher.scene;
+        let Traced { tracer, topology, structures, adjacency, classes } = traced;
+        let targets = matcher.targets;
+        stats.time_ms.visibility = visible.times.visibility;
+        stats.time_ms.readback = visible.times.readback;
+        stats.time_ms.scan = visible.times.scan;
+        stats.readback.bytes = visible.readback_bytes;
+        stats.readback.memory = Some(visible.readback_memory.name().into());
+        stats.image.vt_pixels = visible.faces.vt_pixels;
+        stats.faces.visible = visible.visible_vt as u64;
 
-    stats.samples = refiner.samples.len() as u64;
-    stats.rays = ray_stats(refiner.samples.rays, pixel_rays, traced_pixels.len());
-    stats.steps = u64::from(refiner.steps);
-    stats.stopped_by = Some(match stopped_by {
-        StoppedBy::Error => stats::StoppedBy::Error,
-        StoppedBy::MaxSamples => stats::StoppedBy::MaxSamples,
-        StoppedBy::Budget => stats::StoppedBy::Budget,
-        StoppedBy::Exhausted => stats::StoppedBy::NothingLeft,
-        StoppedBy::Preview => stats::StoppedBy::Preview,
-    });
-    stats.predicted_error = Some(f64::from(predicted));
-    stats.faces.leaves = leaves.leaves.len() as u64;
-    stats.faces.defined = u64::from(leaves.defined);
-    stats.faces.undefined = u64::from(leaves.undefined);
-    stats.notes.extend(finder.note.clone());
-    Ok(leaves)
+        let shown = Shown::from(visible);
+        let time = Instant::now();
+        let context = Context { tracer, targets, settings, view };
+        let predictor =
+            Predictor { targets, structures, scene, view, reconstruction: options.method.reconstruction };
+        let seeds = adjacency.one_ring(scene, topology, classes, view, visible.visible);
+        let mesh = Mesh::new(scene, topology, view, &seeds);
+        let mut refiner = Refiner::new(&context, &predictor, mesh, shown);
+        let mut observe = |refiner: &Refiner| {
+            let Some(after_step) = &mut after_step else { return Ok(()) };
+            let (pixels, _) = pixels::trace(&context, &refiner.mesh, shown, &refiner.pixel_faces);
+            after_step(&self.assemble(refiner, &pixels), refiner)
+        };
+        observe(&refiner)?;
+        let stopped_by = refiner.run(&options.effort, self.started, observe)?;
+        let ended = Instant::now();
+        let (predicted, _) = refiner.predicted();
+        let refined = ms(time);
+
+        let time = Instant::now();
+        let (traced_pixels, pixel_rays) =
+            pixels::trace(&context, &refiner.mesh, shown, &refiner.pixel_faces);
+        let pixels_ms = ms(time);
+        stats.time_ms.trace = refiner.samples.time.as_secs_f64() * 1e3 + pixels_ms;
+
+        let time = Instant::now();
+        let leaves = self.assemble(&refiner, &traced_pixels);
+        stats.time_ms.refine = refined - refiner.samples.time.as_secs_f64() * 1e3 + ms(time);
+
+        stats.samples = refiner.samples.len() as u64;
+        stats.rays = ray_stats(refiner.samples.rays, pixel_rays, traced_pixels.len());
+        stats.steps = u64::from(refiner.steps);
+        stats.stopped_by = Some(match stopped_by {
+            StoppedBy::Error => stats::StoppedBy::Error,
+            StoppedBy::MaxSamples => stats::StoppedBy::MaxSamples,
+            StoppedBy::Budget => stats::StoppedBy::Budget,
+            StoppedBy::Exhausted => stats::StoppedBy::NothingLeft,
+            StoppedBy::Preview => stats::StoppedBy::Preview,
+        });
+        stats.predicted_error = Some(f64::from(predicted));
+        stats.faces.leaves = leaves.len();
+        let (defined, undefined) = leaves.defined();
+        (stats.faces.defined, stats.faces.undefined) = (defined.into(), undefined.into());
+
+        let overlay = options.show.map(|show| {
+            let traced: FxHashSet<u32> = refiner.pixel_faces.iter().copied().collect();
+            show::overlay(
+                show,
+                &FrameData {
+                    scene,
+                    view,
+                    mesh: &refiner.mesh,
+                    samples: &refiner.samples,
+                    face_at: &|x, y| pixels::face_at(&context, shown, classes, x, y),
+                    kind: &|leaf| self.kind(&refiner, leaf, traced.contains(&leaf)),
+                },
+            )
+        });
+        Ok(Sampled { leaves, overlay, refined: ended })
+    }
+
+    fn assemble(&self, refiner: &Refiner, traced: &[TracedPixel]) -> Drawn {
+        let Refiner { mesh, samples, pixel_faces, .. } = refiner;
+        let Matcher { scene, targets, base_textures, .. } = self.matcher;
+        match self.options.method.reconstruction {
+            Reconstruction::Exact => {
+                Drawn::Exact(leaves::assemble(self.matcher, self.view, mesh, samples, traced, pixel_faces))
+            }
+            Reconstruction::Paper => {
+                Drawn::Paper(paper::assemble(scene, targets, base_textures, mesh, samples))
+            }
+        }
+    }
+
+    fn kind(&self, refiner: &Refiner, leaf: u32, traced: bool) -> LeafKind {
+        let Matcher { scene, targets, .. } = self.matcher;
+        let face = &refiner.mesh.faces[leaf as usize];
+        if !scene.is_vt(face.base) {
+            return LeafKind::Receiver;
+        }
+        if traced {
+            return LeafKind::Traced;
+        }
+        let samples = face.corners.map(|v| refiner.samples.get(v));
+        let defined = match self.options.method.reconstruction {
+            Reconstruction::Paper => paper::branches(scene, targets, samples).defined,
+            Reconstruction::Exact => {
+                let corners = samples.map(|sample| Corner { sample, distance: None });
+                self.matcher.leaf(corners, self.matcher.room).defined
+            }
+        };
+        if defined { LeafKind::Defined } else { LeafKind::Undefined }
+    }
 }
 
 fn ray_stats(vertices: Rays, pixels: Rays, _traced: usize) -> stats::Rays {
@@ -286,40 +440,52 @@ fn ray_stats(vertices: Rays, pixels: Rays, _traced: usize) -> stats::Rays {
 
 /// Faces that are drawn without samples: all of them if nothing is traced, else occluders and blended faces.
 /// In a single pass those that need samples are drawn too, marked, until leaves take their place.
-fn base_faces(scene: &Scene, table: &SceneTable, classes: Option<&[Class]>, single_pass: bool) -> BaseFaces {
+fn base_faces(
+    scene: &Scene,
+    table: &SceneTable,
+    base_textures: &[u32],
+    classes: Option<&[Class]>,
+    single_pass: bool,
+) -> BaseFaces {
     let mut base = BaseFaces::default();
-    let mut opaque: Vec<(bool, bool, usize)> = Vec::new();
+    let mut opaque: Vec<((bool, bool, u32), usize)> = Vec::new();
     let mut blended: Vec<usize> = Vec::new();
+    let array = |object: usize| leaves::array_of(base_textures[scene.objects[object].material as usize]);
     for (index, object) in scene.objects.iter().enumerate() {
         let class = classes.map_or(Class::Occluder, |classes| classes[index]);
         let material = &scene.materials[object.material as usize];
         let is_blended = material.alpha_mode == AlphaMode::Blend;
         match class {
             Class::Occluder | Class::Shadow if is_blended => blended.push(index),
-            Class::Occluder => opaque.push((false, !material.double_sided, index)),
-            Class::Shadow | Class::Vt if single_pass => opaque.push((true, !material.double_sided, index)),
-            Class::Shadow | Class::Vt => {}
+            Class::Shadow | Class::Vt if !single_pass => {}
+            _ => opaque.push(((class != Class::Occluder, !material.double_sided, array(index)), index)),
         }
     }
     if opaque.is_empty() && blended.is_empty() {
         return base;
     }
     opaque.sort_unstable();
-    let groups = opaque.chunk_by(|a, b| (a.0, a.1) == (b.0, b.1)).map(|group| {
-        let (marked, cull, _) = group[0];
-        (marked, cull, false, group.iter().map(|&(.., index)| index).collect::<Vec<_>>())
-    });
+    let groups = opaque
+        .chunk_by(|a, b| a.0 == b.0)
+        .map(|group| (group[0].0, false, group.iter().map(|&(_, index)| index).collect::<Vec<_>>()));
     let blended = blended.into_iter().map(|index| {
-        (false, !scene.materials[scene.objects[index].material as usize].double_sided, true, vec![index])
+        let cull = !scene.materials[scene.objects[index].material as usize].double_sided;
+        ((false, cull, array(index)), true, vec![index])
     });
-    for (marked, cull, blended, objects) in groups.chain(blended) {
+    for ((marked, cull, array), blended, objects) in groups.chain(blended) {
         let start = base.leaves.len() as u32;
         for object in objects {
             let faces = scene.objects[object].faces.clone();
             let code = |face| if marked { single_pass::code(face) } else { 0 };
             base.leaves.extend(faces.map(|face| leaves::base_leaf(scene, table, face, code(face))));
         }
-        base.draws.push(BaseDraw { leaves: start..base.leaves.len() as u32, cull, blended, marked });
+        base.draws.push(BaseDraw {
+            leaves: start..base.leaves.len() as u32,
+            array,
+            cull,
+            blended,
+            marked,
+        });
     }
     base.vertices = leaves::base_vertices(&scene.geometry);
     base

@@ -1,6 +1,8 @@
 //! What a frame needs, decided once from scene and options, and what it leaves out.
 
-use crate::constants::{COMPONENT_REFLECTED, COMPONENT_REFLECTED_COMB, COMPONENT_TRANSMITTED, COMPONENT_TRANSMITTED_COMB};
+use crate::constants::{
+    COMPONENT_REFLECTED, COMPONENT_REFLECTED_COMB, COMPONENT_TRANSMITTED, COMPONENT_TRANSMITTED_COMB,
+};
 use crate::options::{Mode, Options, Shadows};
 use crate::reconstruct::passes::{ColorPass, color_passes};
 use crate::reconstruct::table::slots;
@@ -24,10 +26,16 @@ pub struct Plan {
     pub textures: Vec<bool>,
     /// Whether any material has textures beyond base colour and emission.
     pub detail_textures: bool,
+    /// Whether any material has a texture on its emission.
+    pub emission_textures: bool,
+    /// Whether any material has a texture on its base colour.
+    pub base_textures: bool,
     /// Whether any material shows highlights of lights.
     pub highlights: bool,
     /// What is left out, and why.
     pub left_out: Vec<LeftOut>,
+    /// Whether passes are drawn although they add nothing.
+    pub everything: bool,
 }
 
 impl Plan {
@@ -56,11 +64,15 @@ impl Plan {
             need(false, "specular tracing", "no object is specular");
         }
         if !receivers {
-            need(false, "shadows on diffuse objects", match (options.scene.shadows, lit) {
-                (Shadows::All, true) => "no diffuse object is lit",
-                (Shadows::All, false) => "the scene has no light",
-                _ => "--shadows leaves them out",
-            });
+            need(
+                false,
+                "shadows on diffuse objects",
+                match (options.scene.shadows, lit) {
+                    (Shadows::All, true) => "no diffuse object is lit",
+                    (Shadows::All, false) => "the scene has no light",
+                    _ => "--shadows leaves them out",
+                },
+            );
         }
         if !specular && !receivers {
             need(
@@ -69,7 +81,11 @@ impl Plan {
                 "nothing is traced: all objects are rasterised in the ordinary way",
             );
         }
-        let reflection = need(vt().any(|o| reflects(material(o))), "reflected texture and its pass", "no specular object reflects");
+        let reflection = need(
+            vt().any(|o| reflects(material(o))),
+            "reflected texture and its pass",
+            "no specular object reflects",
+        );
         let transmission = need(
             vt().any(|o| transmits(material(o))),
             "transmitted texture and its pass, refraction",
@@ -97,12 +113,44 @@ impl Plan {
             "normal, roughness, specular and transmission textures",
             "no material has one",
         );
+        let emission_textures =
+            need(used().any(|m| m.emissive_texture.is_some()), "emission texture", "no material has one");
+        let base_textures = need(
+            used().any(|m| m.base_color_texture.is_some()),
+            "base colour texture",
+            "no material has one",
+        );
         let highlights = need(
             lit && used().any(|m| m.roughness > 0.0 && !m.unlit && (m.metallic > 0.0 || m.specular > 0.0)),
             "highlights",
             "no material shows a highlight of a light",
         );
-        Self { highlights, specular, receivers, reflection, transmission, passes, textures, detail_textures, left_out }
+        Self {
+            emission_textures,
+            base_textures,
+            highlights,
+            specular,
+            receivers,
+            reflection,
+            transmission,
+            passes,
+            textures,
+            detail_textures,
+            left_out,
+            everything,
+        }
+    }
+
+    /// The colour passes of a frame in which only `present` components of Eq. 3 are not zero everywhere, and
+    /// the others as left out.
+    pub fn passes_for(&self, present: u32) -> (Vec<ColorPass>, Vec<LeftOut>) {
+        let adds = |pass: &&ColorPass| self.everything || pass.components & present != 0;
+        let (drawn, dropped): (Vec<&ColorPass>, _) = self.passes.iter().partition(adds);
+        let left_out = |pass: &ColorPass| LeftOut {
+            what: format!("{} pass", pass.name),
+            why: "its colours are zero at every vertex".into(),
+        };
+        (drawn.into_iter().copied().collect(), dropped.into_iter().map(left_out).collect())
     }
 
     /// Whether anything is traced: hierarchy, visibility, samples.

@@ -84,6 +84,13 @@ fn wrong_usage_exits_2() {
             &["reference", "s.glb", "-o", "x.png", "--background", "0,0,0", "--environment", "sky.hdr"],
             "cannot be used with",
         ),
+        (&["render"], "<SCENE>"),
+        (
+            &["render", "s.glb", "--msaa", "4", "--visibility", "single-pass"],
+            "cannot be used with --visibility",
+        ),
+        (&["render", "s.glb", "--preview", "--max-samples", "5"], "cannot be used with"),
+        (&["render", "s.glb", "--mode", "raytrace"], "[possible values: multi-texture, multi-pass]"),
         (&["reference", "s.glb", "-o", "x.png", "--vt", "cup", "--no-vt", "cup"], "contradict each other"),
     ];
     for (arguments, expected) in table {
@@ -126,6 +133,10 @@ fn bad_input_exits_1_with_one_line_and_leaves_no_file() {
         (&["reference", "scene.glb", "-o", "out.png", "--vt", "nobody"], "--vt nobody: "),
         (&["reference", "scene.glb", "-o", "out.png", "--environment", "absent.hdr"], "absent.hdr: "),
         (&["reference", "scene.glb", "-o", "out.png", "--max-triangles", "1"], "scene.glb: "),
+        (&["render", "absent.glb", "-o", "out.png"], "absent.glb: "),
+        (&["render", "cut.glb", "-o", "out.png"], "cut.glb: "),
+        (&["render", "scene.glb", "-o", "absent/out.png"], "absent/out.png: folder absent does not exist"),
+        (&["render", "scene.glb", "-o", "out.png", "--device", "nobody"], "\"nobody\""),
     ];
     for (arguments, expected) in table {
         let output = place.run(arguments);
@@ -175,6 +186,22 @@ fn reference_writes_image_and_stats() {
     assert!(text(&output.stdout).contains("image    64x48"), "{}", text(&output.stdout));
     let file: serde_json::Value = serde_json::from_slice(&fs::read(place.path("s.json")).unwrap()).unwrap();
     assert_eq!(file["rays"], stats["rays"], "the same rays whatever the number of threads");
+}
+
+#[test]
+fn render_writes_image_and_stats() {
+    let place = Place::new();
+    let output = place.run(&["render", "scene.glb", "--size", "320x240", "-o", "out.pfm", "--stats", "-"]);
+    assert_eq!(output.status.code(), Some(0), "{}", text(&output.stderr));
+    let stats: serde_json::Value = serde_json::from_slice(&output.stdout).expect("JSON and nothing else");
+    assert!(stats["samples"].as_u64() > Some(0) && stats["faces"]["visible"].as_u64() > Some(0), "{stats}");
+    assert!(stats["device"]["name"].is_string() && stats["options"]["mode"] == "multi-texture", "{stats}");
+
+    // The same picture as by the other way; the floor's mip levels, which that one lacks, are most of the rest.
+    place.run(&["reference", "scene.glb", "--size", "320x240", "-o", "truth.pfm"]);
+    let comparison = place.run(&["compare", "truth.pfm", "out.pfm", "--json"]);
+    let comparison: serde_json::Value = serde_json::from_slice(&comparison.stdout).unwrap();
+    assert!(comparison["psnr"].as_f64() > Some(25.0), "{comparison}");
 }
 
 #[test]

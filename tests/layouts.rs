@@ -7,6 +7,11 @@ use std::{
 
 use vertex_tracing::{
     gpu::Binding,
+    reconstruct::{
+        frame_block::{FrameBlock, LightBlock},
+        leaves::{GpuLeaf, GpuVertex},
+        paper::{PaperLeaf, PaperVertex},
+    },
     spirv,
     visibility::{
         MaskVertex, device,
@@ -137,6 +142,56 @@ fn buffer_elements() {
         ("mask_vertices", size_of::<MaskVertex>()),
     ]);
     assert_eq!(module.strides(), expected);
+}
+
+/// Members and offsets of a struct, as [`Module::offsets`] gives them.
+macro_rules! layout {
+    ($type:ty { $($member:ident),* $(,)? }) => {
+        BTreeMap::from([$((stringify!($member).to_owned(), offset_of!($type, $member))),*])
+    };
+}
+
+#[test]
+fn frame_and_leaves() {
+    let vertex = Module::read(spirv!("leaf.vert"));
+    assert_eq!(vertex.offsets("Vertex"), layout!(GpuVertex { position, normal, uv, color, tangent }));
+    let leaf = layout!(GpuLeaf { vertices, material, lit, nodes, flags, first_target, first_lit });
+    assert_eq!(vertex.offsets("Leaf"), leaf);
+    let strides = BTreeMap::from([("vertices", size_of::<GpuVertex>()), ("leaves", size_of::<GpuLeaf>())]);
+    assert_eq!(vertex.strides(), strides);
+    let frame = layout!(FrameBlock {
+        clip_from_eye_relative,
+        eye,
+        light_count,
+        forward,
+        orthographic,
+        ambient,
+        lights,
+        width,
+        height,
+        pad,
+    });
+    let light =
+        layout!(LightBlock { position, range, direction, kind, intensity, outer_cos, cone_scale, pad });
+    for module in [vertex, Module::read(spirv!("exact.frag"))] {
+        assert_eq!(module.offsets("Frame"), frame);
+        assert_eq!(module.offsets("Light"), light);
+    }
+    let vertex = Module::read(spirv!("paper.vert"));
+    let own = layout!(PaperVertex {
+        position,
+        uv,
+        alpha,
+        primary_textured,
+        primary_added,
+        attenuation,
+        textured,
+        texel,
+        comb,
+        branch_uv,
+    });
+    assert_eq!(vertex.offsets("PaperVertex"), own);
+    assert_eq!(vertex.offsets("PaperLeaf"), layout!(PaperLeaf { vertices, textures, cutoff }));
 }
 
 #[test]

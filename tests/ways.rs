@@ -3,7 +3,7 @@
 use std::sync::Arc;
 
 use vertex_tracing::{
-    frame::Renderer,
+    frame::{Renderer, Step},
     gpu::{Fault, Gpu, Messages, Options as DeviceOptions},
     options::{Options, ViewOptions, VisibilityWay},
     report::metrics::{Encoding, compare},
@@ -119,6 +119,27 @@ fn every_way_renders_the_same_picture() {
             assert_ne!(exact.stats.readback.bytes, other.stats.readback.bytes, "{way} reads something else");
         }
     }
+    assert_clean(gpu, &messages);
+}
+
+#[test]
+fn a_single_pass_shown_step_by_step_ends_in_the_same_picture() {
+    let scene = Demo::Cup.scene();
+    let view = view(&scene, 120, 96);
+    let (gpu, messages) = gpu();
+    let mut options = options(VisibilityWay::SinglePass);
+    options.effort.max_samples = Some(1500);
+    let mut renderer = Renderer::new(&gpu, &scene, &options).unwrap();
+    let whole = renderer.render(&view).unwrap().image;
+    let mut steps = 0;
+    let mut count = |_: &Step| {
+        steps += 1;
+        Ok(())
+    };
+    let stepped = renderer.render_steps(&view, Some(&mut count)).unwrap().image;
+    assert!(steps > 2, "{steps} steps");
+    assert_eq!(whole.pixels, stepped.pixels);
+    drop(renderer);
     assert_clean(gpu, &messages);
 }
 

@@ -31,6 +31,7 @@ pub struct Cli {
 
 #[derive(Debug, Subcommand)]
 enum Command {
+    Render(Box<render::RenderArgs>),
     Reference(Box<reference::ReferenceArgs>),
     Compare(compare::CompareArgs),
     Devices(devices::DevicesArgs),
@@ -73,6 +74,7 @@ pub fn main() -> ExitCode {
     let outcome = terminal::catch(|| {
         let cli = Cli::try_parse()?;
         match cli.command {
+            Command::Render(args) => render::run(&args)?,
             Command::Reference(args) => reference::run(&args)?,
             Command::Compare(args) => compare::run(&args)?,
             Command::Devices(args) => devices::run(&args)?,

@@ -64,8 +64,9 @@ pub(super) fn run(args: &ReferenceArgs) -> Result<(), Failure> {
     args.out.check(Some(&args.output))?;
 
     let start = Instant::now();
-    let scene = scene::load(&args.scene, &options.scene)?;
+    let mut scene = scene::load(&args.scene, &options.scene)?;
     let view = options.view.resolve(&scene)?;
+    scene.add_default_lights(&view);
     let load = milliseconds(start);
 
     let start = Instant::now();

@@ -1,15 +1,22 @@
 //! `vtrace render`: the picture by vertex tracing.
 
-use std::path::PathBuf;
+use std::{path::PathBuf, time::Instant};
 
 use clap::Args;
 
 use super::{
+    Failure,
     args::{EffortArgs, MethodArgs, PathArgs, SceneArgs, ThreadArgs, ViewArgs},
     output::OutputArgs,
-    values,
+    scene, values,
 };
-use crate::options::{Options, Show};
+use crate::{
+    error::{Error, Result},
+    frame::{Observer, Renderer, Step},
+    gpu::{self, Gpu},
+    options::{Options, Show, VisibilityWay},
+    report::output::write_image,
+};
 
 /// Render a picture by vertex tracing
 #[derive(Debug, Args)]
@@ -76,6 +83,48 @@ impl RenderArgs {
     }
 }
 
+pub(super) fn run(args: &RenderArgs) -> Result<(), Failure> {
+    let options = args.options().map_err(|problem| Failure::conflict("render", problem))?;
+    refuse_unavailable(args)?;
+    args.threads.apply()?;
+    args.out.check(args.output.as_deref())?;
+    if let Some(folder) = &args.progressive {
+        std::fs::create_dir_all(folder).map_err(Error::io(folder))?;
+    }
+
+    let start = Instant::now();
+    let mut scene = scene::load(&args.scene, &options.scene)?;
+    let view = options.view.resolve(&scene)?;
+    scene.add_default_lights(&view);
+    let load = start.elapsed().as_secs_f64() * 1e3;
+
+    let gpu = Gpu::new(&gpu::Options { device: options.device.clone(), validation: false })?;
+    let mut renderer = Renderer::new(&gpu, &scene, &options)?;
+    let warmup = renderer.warm_up(&view)?;
+    let mut save = |step: &Step| match &args.progressive {
+        Some(folder) => {
+            let file = folder.join(format!("step_{:04}.png", step.number));
+            write_image(&file, &step.image, args.out.exposure)
+        }
+        None => Ok(()),
+    };
+    let observer: Option<Observer> = args.progressive.is_some().then_some(&mut save);
+    let mut frame = renderer.render_steps(&view, observer)?;
+    frame.stats.time_ms.load = load;
+    frame.stats.time_ms.warmup = warmup;
+    args.out.write(args.output.as_deref(), &frame.image, &frame.stats)?;
+    Ok(())
+}
+
+/// Options that the renderer does not know yet are refused by name, never ignored.
+fn refuse_unavailable(args: &RenderArgs) -> Result<()> {
+    let way = args.method.visibility;
+    if way == VisibilityWay::IdBuffer {
+        return Ok(());
+    }
+    Err(Error::Option(format!("--visibility {way} is not available in this version")))
+}
+
 #[cfg(test)]
 mod tests {
     use std::time::Duration;
@@ -84,9 +133,7 @@ mod tests {
     use glam::{DVec3, Vec3};
 
     use super::*;
-    use crate::options::{
-        CameraChoice, Equation, FilterMode, Mode, Msaa, Reconstruction, Shadows, Ss, VisibilityWay,
-    };
+    use crate::options::{CameraChoice, Equation, FilterMode, Mode, Msaa, Reconstruction, Shadows, Ss};
 
     #[derive(Debug, Parser)]
     struct Program {

@@ -256,7 +256,9 @@ impl RawSet {
                 if texels > u64::from(limit) {
                     return Err(Error::DeviceMemory {
                         object: format!("buffer {}", buffer.raw.name),
-                        problem: format!("{texels} texels; the device reads at most {limit}: use fewer samples"),
+                        problem: format!(
+                            "{texels} texels; the device reads at most {limit}: use fewer samples"
+                        ),
                     });
                 }
                 let info = vk::BufferViewCreateInfo::default()

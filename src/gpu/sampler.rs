@@ -59,6 +59,8 @@ impl Gpu {
             TexelFilter::Linear => vk::Filter::LINEAR,
         };
         let (mip, max_lod) = match desc.mip {
+            // One filter, one level: drivers need no level of detail at all.
+            None if desc.mag == desc.min => (vk::SamplerMipmapMode::NEAREST, 0.0),
             // The specification's note on emulating samplers without mip maps: below 0.5 the nearest level
             // is level 0, above 0 the minification filter applies.
             None => (vk::SamplerMipmapMode::NEAREST, 0.25),

@@ -46,12 +46,7 @@ impl Bank {
     ///
     /// # Errors
     /// A texture larger than the device can hold; no memory left.
-    pub fn new(
-        uploads: &mut Uploads,
-        scene: &Scene,
-        used: &[bool],
-        filter: FilterMode,
-    ) -> Result<Self> {
+    pub fn new(uploads: &mut Uploads, scene: &Scene, used: &[bool], filter: FilterMode) -> Result<Self> {
         let (packing, notes) = pack(scene, used, filter);
         let mut references = vec![NO_TEXTURE; scene.textures.len()];
         for (texture, &(array, layer)) in packing.places.iter().enumerate() {
@@ -193,7 +188,8 @@ fn texels(scene: &Scene, texture: usize, (width, height): (u32, u32)) -> Vec<u8>
 }
 
 fn panorama_image(uploads: &mut Uploads, panorama: &Environment) -> Result<(Image, SamplerDesc)> {
-    let texels: Vec<[f32; 4]> = panorama.radiance.iter().map(|radiance| radiance.extend(1.0).into()).collect();
+    let texels: Vec<[f32; 4]> =
+        panorama.radiance.iter().map(|radiance| radiance.extend(1.0).into()).collect();
     let size = (panorama.width, panorama.height);
     let bytes = bytemuck::cast_slice(&texels);
     let image = uploads.texture(&panorama.name, Format::Rgba32f, size, &[bytes], false)?;
@@ -226,8 +222,12 @@ fn sampler(sampler: &Sampler, filter: FilterMode) -> SamplerDesc {
         mip: sampler.mip.map(texel),
         anisotropy: 1,
     };
-    let trilinear =
-        SamplerDesc { mag: TexelFilter::Linear, min: TexelFilter::Linear, mip: Some(TexelFilter::Linear), ..own };
+    let trilinear = SamplerDesc {
+        mag: TexelFilter::Linear,
+        min: TexelFilter::Linear,
+        mip: Some(TexelFilter::Linear),
+        ..own
+    };
     match filter {
         FilterMode::File => own,
         FilterMode::Trilinear => trilinear,

@@ -10,30 +10,48 @@ use crate::scene::{Light, LightKind, Scene, View};
 #[repr(C)]
 #[derive(Debug, Clone, Copy, Pod, Zeroable)]
 pub struct LightBlock {
-    position: Vec3,
-    range: f32,
-    direction: Vec3,
-    kind: u32,
-    intensity: Vec3,
-    outer_cos: f32,
-    cone_scale: f32,
-    pad: [u32; 3],
+    /// Of a point or spot light.
+    pub position: Vec3,
+    /// Distance at which the falloff window ends.
+    pub range: f32,
+    /// Unit, the way that a directional or spot light travels.
+    pub direction: Vec3,
+    /// `LIGHT_…`.
+    pub kind: u32,
+    /// Colour × intensity.
+    pub intensity: Vec3,
+    /// Cosine of a cone's rim.
+    pub outer_cos: f32,
+    /// 1 / (inner − outer cosine).
+    pub cone_scale: f32,
+    /// Fills the last 16 bytes.
+    pub pad: [u32; 3],
 }
 
 /// glsl/frame.glsl `Frame`.
 #[repr(C)]
 #[derive(Debug, Clone, Copy, Pod, Zeroable)]
 pub struct FrameBlock {
-    clip_from_eye_relative: Mat4,
-    eye: Vec3,
-    light_count: u32,
-    forward: Vec3,
-    orthographic: u32,
-    ambient: f32,
-    lights: [LightBlock; MAX_LIGHTS as usize],
-    width: u32,
-    height: u32,
-    pad: u32,
+    /// Clip coordinates of positions relative to the eye.
+    pub clip_from_eye_relative: Mat4,
+    /// Eye point.
+    pub eye: Vec3,
+    /// Lights in use.
+    pub light_count: u32,
+    /// Unit vector into the image.
+    pub forward: Vec3,
+    /// Whether rays are parallel.
+    pub orthographic: u32,
+    /// Ambient radiance as a factor of base colour.
+    pub ambient: f32,
+    /// The lights.
+    pub lights: [LightBlock; MAX_LIGHTS as usize],
+    /// Image width in pixels.
+    pub width: u32,
+    /// Image height in pixels.
+    pub height: u32,
+    /// Fills the last 16 bytes.
+    pub pad: u32,
 }
 
 impl FrameBlock {
@@ -62,16 +80,6 @@ impl FrameBlock {
         let shift = Vec3::new(2.0 * x / self.width as f32, 2.0 * y / self.height as f32, 0.0);
         self.clip_from_eye_relative = Mat4::from_translation(shift) * self.clip_from_eye_relative;
         self
-    }
-
-    /// Image width in pixels.
-    pub fn width(&self) -> u32 {
-        self.width
-    }
-
-    /// Image height in pixels.
-    pub fn height(&self) -> u32 {
-        self.height
     }
 }
 

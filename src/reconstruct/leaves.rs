@@ -1,5 +1,7 @@
 //! The leaves of the refined mesh as the device draws them: vertices, leaf records, node table.
 
+use std::collections::BTreeMap;
+
 use bytemuck::{Pod, Zeroable};
 use glam::{Vec2, Vec3, Vec4};
 use half::f16;
@@ -17,39 +19,76 @@ use crate::scene::{Geometry, Scene, View};
 #[repr(C)]
 #[derive(Debug, Clone, Copy, Pod, Zeroable)]
 pub struct GpuVertex {
-    position: Vec3,
-    normal: Vec3,
-    uv: [Vec2; 2],
-    color: [f16; 4],
-    tangent: [f16; 4],
+    /// Relative to the scene's origin.
+    pub position: Vec3,
+    /// Interpolated linearly, not of unit length.
+    pub normal: Vec3,
+    /// Both sets of texture coordinates.
+    pub uv: [Vec2; 2],
+    /// Linear vertex colour.
+    pub color: [f16; 4],
+    /// Tangent and handedness.
+    pub tangent: [f16; 4],
 }
 
 /// A leaf: glsl/leaf.glsl `Leaf`.
 #[repr(C)]
 #[derive(Debug, Clone, Copy, Pod, Zeroable)]
 pub struct GpuLeaf {
-    vertices: [u32; 3],
-    material: u32,
-    lit: u32,
-    nodes: u32,
-    flags: u32,
-    first_target: u32,
-    first_lit: u32,
-    comb: [[Vec3; 2]; 3],
+    /// Its vertices.
+    pub vertices: [u32; 3],
+    /// First texel of its material in the scene table.
+    pub material: u32,
+    /// Lights that are not hidden, a byte a corner.
+    pub lit: u32,
+    /// First texel in the node table: combined colours, then nodes or traced pixels.
+    pub nodes: u32,
+    /// `LEAF_…`, and the number of nodes above.
+    pub flags: u32,
+    /// First texel of the patch that the view ray meets after one bounce, or `NO_TARGET`.
+    pub first_target: u32,
+    /// As `lit`, for that patch; its branch in the top bit.
+    pub first_lit: u32,
 }
 
-/// What a group of leaves needs of its pipeline: `LEAVES_…`.
-pub const GROUPS: [u32; 3] = [LEAVES_PLAIN, LEAVES_FIRST, LEAVES_NODES];
+/// What the leaves of one draw have in common.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Hash)]
+pub struct Group {
+    /// `LEAVES_…`.
+    pub kind: u32,
+    /// Arrays of the bank: of the leaves' own texture, the first patch's, the nodes' ([`MIXED_ARRAYS`] if they
+    /// are several).
+    pub arrays: [u32; 3],
+}
+
+impl Group {
+    /// The group of leaves with own texture `own` and these nodes.
+    fn of(specular: bool, own: u32, nodes: &LeafNodes) -> Self {
+        let kind = match (specular, nodes.count, nodes.all_kinds) {
+            (false, ..) => LEAVES_PLAIN,
+            (_, 0, _) => LEAVES_FIRST,
+            (_, _, false) => LEAVES_NODES,
+            _ => LEAVES_ALL,
+        };
+        let node_array = if kind == LEAVES_ALL { MIXED_ARRAYS } else { nodes.node_array.unwrap_or(0) };
+        Self { kind, arrays: [array_of(own), array_of(nodes.first_texture), node_array] }
+    }
+}
+
+/// Array of a texture reference; the first where there is no texture, so that such leaves join a group.
+pub fn array_of(reference: u32) -> u32 {
+    if reference == NO_TEXTURE { 0 } else { reference & 0xff }
+}
 
 /// Everything that one frame draws of leaves.
 #[derive(Debug, Default)]
 pub struct Leaves {
     /// Vertices of the refined mesh.
     pub vertices: Vec<GpuVertex>,
-    /// Leaves, by group: shadow receivers are the plain ones.
+    /// Leaves, by group.
     pub leaves: Vec<GpuLeaf>,
-    /// Number of leaves of each of [`GROUPS`].
-    pub groups: [u32; GROUPS.len()],
+    /// The groups in the order of `leaves`, with the number of leaves of each.
+    pub groups: Vec<(Group, u32)>,
     /// Nodes and traced pixels.
     pub nodes: Vec<Texel>,
     /// Leaves of specular objects all of whose paths are shared.
@@ -58,6 +97,23 @@ pub struct Leaves {
     pub undefined: u32,
     /// Shared paths that found no room in their leaf.
     pub overflow: u64,
+    /// Whether anything is Gouraud-shaded of reflection and of transmission.
+    pub combined: [bool; 2],
+}
+
+impl Leaves {
+    /// Components of Eq. 3 that are not zero everywhere, as bits of `COMPONENT_…`; the textured ones count as
+    /// present with any specular leaf.
+    pub fn components(&self) -> u32 {
+        if self.groups.iter().all(|(group, _)| group.kind == LEAVES_PLAIN) {
+            return COMPONENT_PRIMARY;
+        }
+        (0..2).fold(COMPONENT_PRIMARY, |components, branch| {
+            components
+                | COMPONENT_REFLECTED << branch
+                | if self.combined[branch] { COMPONENT_REFLECTED_COMB << branch } else { 0 }
+        })
+    }
 }
 
 impl GpuVertex {
@@ -118,9 +174,7 @@ pub fn assemble(
             let corners = mesh.faces[face as usize].corners;
             let object = scene.geometry.face_objects[mesh.faces[face as usize].base as usize];
             let object = &scene.objects[object as usize];
-            let lit = (0..3).fold(0, |lit, i| {
-                lit | (samples.get(corners[i]).primary.lit & 0xff) << (8 * i)
-            });
+            let lit = (0..3).fold(0, |lit, i| lit | (samples.get(corners[i]).primary.lit & 0xff) << (8 * i));
             let mut leaf = GpuLeaf {
                 vertices: corners,
                 material: matcher.table.material(object.material),
@@ -128,7 +182,7 @@ pub fn assemble(
                 first_target: NO_TARGET,
                 ..GpuLeaf::zeroed()
             };
-            let mut nodes = LeafNodes { defined: true, ..LeafNodes::default() };
+            let mut nodes = LeafNodes::default();
             if object.vt {
                 // What no traced pixel covers of a traced leaf is Gouraud-shaded: no nodes.
                 let room = if traced_faces.contains(&face) { 0 } else { matcher.room };
@@ -137,7 +191,6 @@ pub fn assemble(
                     distance: (!view.orthographic).then(|| view.distance_to(mesh.position(v))),
                 });
                 nodes = matcher.leaf(corners, room);
-                leaf.comb = nodes.comb;
                 leaf.flags = nodes.count << LEAF_COUNT_SHIFT;
                 if let Some((target, lit)) = nodes.first {
                     (leaf.first_target, leaf.first_lit) = (target, lit);
@@ -152,9 +205,16 @@ pub fn assemble(
 
     let mut result = Leaves { vertices, ..Leaves::default() };
     let blocks = traced_blocks(view, mesh, traced, &traced_faces);
-    let mut groups: [Vec<GpuLeaf>; GROUPS.len()] = Default::default();
+    let mut groups: BTreeMap<Group, Vec<GpuLeaf>> = BTreeMap::new();
     for (&face, (mut leaf, nodes)) in faces.iter().zip(built) {
         leaf.nodes = result.nodes.len() as u32;
+        let shows = |branch: usize| nodes.comb.iter().any(|corner| corner[branch] != Vec3::ZERO);
+        let combined = [shows(0), shows(1)];
+        if combined[0] || combined[1] {
+            leaf.flags |= LEAF_COMBINED;
+            result.combined = [0, 1].map(|branch| result.combined[branch] || combined[branch]);
+            result.nodes.extend(nodes.comb.iter().flatten().map(|comb| floats(comb.extend(0.0))));
+        }
         if leaf.flags & LEAF_TRACED != 0 {
             match blocks.get(&face) {
                 Some(block) => result.nodes.extend(block),
@@ -164,17 +224,17 @@ pub fn assemble(
             result.nodes.extend(&nodes.texels);
         }
         let base = mesh.faces[face as usize].base;
-        if !scene.is_vt(base) {
-            groups[0].push(leaf);
-            continue;
+        let object = &scene.objects[scene.geometry.face_objects[base as usize] as usize];
+        let own = matcher.base_textures[object.material as usize];
+        groups.entry(Group::of(object.vt, own, &nodes)).or_default().push(leaf);
+        if object.vt {
+            result.defined += u32::from(nodes.defined);
+            result.undefined += u32::from(!nodes.defined);
+            result.overflow += u64::from(nodes.overflow);
         }
-        groups[if nodes.count == 0 { 1 } else { 2 }].push(leaf);
-        result.defined += u32::from(nodes.defined);
-        result.undefined += u32::from(!nodes.defined);
-        result.overflow += u64::from(nodes.overflow);
     }
-    result.groups = std::array::from_fn(|group| groups[group].len() as u32);
-    result.leaves = groups.concat();
+    result.groups = groups.iter().map(|(&group, leaves)| (group, leaves.len() as u32)).collect();
+    result.leaves = groups.into_values().flatten().collect();
     result
 }
 

@@ -1,8 +1,11 @@
 //! Reconstruction of the image from samples (paper §4; design §5).
 
 pub mod bank;
+pub mod drawn;
 pub mod frame_block;
 pub mod leaves;
 pub mod nodes;
+pub mod paper;
 pub mod passes;
+pub mod show;
 pub mod table;

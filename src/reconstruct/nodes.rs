@@ -10,7 +10,7 @@ use crate::scene::{Background, Scene};
 use crate::trace::sample::{Node, slot};
 
 /// What the corners of a leaf share, and what they do not.
-#[derive(Debug, Clone, Default)]
+#[derive(Debug, Clone)]
 pub struct LeafNodes {
     /// The patch that the view ray meets after one bounce: its place in the scene table; its lights, a byte a
     /// corner, with the branch in the top bit.
@@ -19,12 +19,45 @@ pub struct LeafNodes {
     pub texels: Vec<Texel>,
     /// Number of encoded nodes.
     pub count: u32,
+    /// Base colour reference of the first patch.
+    pub first_texture: u32,
+    /// Array of the bank that holds the textures of all nodes: [`MIXED_ARRAYS`] if there is no such.
+    pub node_array: Option<u32>,
+    /// Whether any node is not of kind [`NODE_TEXTURE`].
+    pub all_kinds: bool,
     /// By corner and branch: radiance that is Gouraud-shaded, before the attenuation at the vertex.
     pub comb: [[Vec3; 2]; 3],
     /// Whether every path is shared, with equal light visibility: a defined face (paper, Fig. 5).
     pub defined: bool,
     /// Shared paths for which there was no room.
     pub overflow: u32,
+}
+
+impl Default for LeafNodes {
+    /// A leaf without specular part.
+    fn default() -> Self {
+        Self {
+            first: None,
+            texels: Vec::new(),
+            count: 0,
+            first_texture: NO_TEXTURE,
+            node_array: None,
+            all_kinds: false,
+            comb: [[Vec3::ZERO; 2]; 3],
+            defined: true,
+            overflow: 0,
+        }
+    }
+}
+
+impl LeafNodes {
+    fn note_texture(&mut self, reference: u32) {
+        if reference != NO_TEXTURE {
+            let array = reference & 0xff;
+            let same = self.node_array.is_none_or(|known| known == array);
+            self.node_array = Some(if same { array } else { MIXED_ARRAYS });
+        }
+    }
 }
 
 /// A corner's sample and its distance from the eye (1 for a parallel view, where e/d means 1).
@@ -58,7 +91,7 @@ struct Shared<'n> {
 impl Matcher<'_> {
     /// Matches the paths of a leaf's corners; the `room` heaviest become nodes.
     pub fn leaf(&self, corners: [Corner; 3], room: usize) -> LeafNodes {
-        let mut leaf = LeafNodes { defined: true, ..LeafNodes::default() };
+        let mut leaf = LeafNodes::default();
         let mut shared: Vec<Shared> = Vec::new();
         for (index, corner) in corners.iter().enumerate() {
             for node in corner.sample.nodes {
@@ -123,88 +156,87 @@ impl Matcher<'_> {
         let branch = slot(first.first);
         let lit = (0..3).fold(0, |lit, i| lit | (nodes[i].lit & 0xff) << (8 * i));
         let single = nodes.iter().all(|node| node.target == first.target);
-        if let (Some(_), true, 1, None) = (&target.patch, single, first.bounces, leaf.first)
-            && self.scene.materials[target.material as usize].emissive_texture.is_none()
-        {
+        let flat = target.patch.is_some() && first.bounces == 1 && single;
+        let emissive =
+            self.scene.materials.get(target.material as usize).is_some_and(|m| m.emissive_texture.is_some());
+        if flat && leaf.first.is_none() && !emissive {
             leaf.first = Some((self.table.target(first.target), lit | (branch as u32) << 31));
+            leaf.first_texture = self.base_textures[target.material as usize];
             return;
         }
-        let throughputs: [Vec3; 3] = std::array::from_fn(|i| {
-            before(nodes[i].throughput, corners[i].sample.primary.attenuation[branch])
-        });
         let head = |kind: u32, words: [u32; 3]| {
             [kind | (branch as u32) << 3 | 3 << 4 | lit << 8, words[0], words[1], words[2]]
         };
-        let places: [u32; 3] = nodes.map(|node| self.table.target(node.target));
-        let shades = |nodes: [&Node; 3]| -> [Vec3; 3] {
-            std::array::from_fn(|i| throughputs[i] * nodes[i].local.textured)
-        };
+        let throughputs: [Vec3; 3] = std::array::from_fn(|i| {
+            before(nodes[i].throughput, corners[i].sample.primary.attenuation[branch])
+        });
+        let shades: [Vec3; 3] = std::array::from_fn(|i| throughputs[i] * nodes[i].local.textured);
         let scales: [(f32, f32); 3] =
             std::array::from_fn(|i| corners[i].distance.map_or((1.0, 1.0), |e| (e / nodes[i].to_branch, e)));
-        let texels = &mut leaf.texels;
-        if first.target == ENVIRONMENT {
+        let rays: [(Vec3, Vec3); 3] =
+            std::array::from_fn(|i| (nodes[i].origin * scales[i].0, nodes[i].direction * scales[i].1));
+        let unused = [Vec4::new(0.0, 1.0, 0.0, 0.0); 3];
+        let texture = || [self.base_textures[target.material as usize], 0, 0];
+        let ones = [Vec4::ONE; 3];
+
+        let (head, parts) = if first.target == ENVIRONMENT {
             match (&self.scene.background, first.bounces) {
                 (Background::Color(_), _) => {
-                    self.combine(leaf, corners, nodes.map(Some), Node::radiance);
-                    return;
+                    return self.combine(leaf, corners, nodes.map(Some), Node::radiance);
                 }
-                (_, 1) => texels.push(head(NODE_FIRST_ENVIRONMENT, [0; 3])),
+                (_, 1) => (head(NODE_FIRST_ENVIRONMENT, [NO_TEXTURE; 3]), [ones, unused, unused]),
                 _ => {
-                    texels.push(head(NODE_ENVIRONMENT, [0; 3]));
-                    texels.extend(throughputs.map(|throughput| floats(throughput.extend(1.0))));
-                    texels.extend(nodes.map(|node| floats(node.direction.extend(0.0))));
+                    let directions = nodes.map(|node| node.direction.extend(0.0));
+                    let parts = [throughputs.map(|throughput| throughput.extend(1.0)), directions, unused];
+                    (head(NODE_ENVIRONMENT, [NO_TEXTURE; 3]), parts)
                 }
             }
-        } else if !single && first.bounces == 1 || single && first.bounces == 1 && target.patch.is_some() {
-            texels.push(head(NODE_FIRST_PLANES, places));
+        } else if first.bounces == 1 && (flat || !single) {
+            let places = nodes.map(|node| self.table.target(node.target));
+            (head(NODE_FIRST_PLANES, places), [ones, unused, unused])
         } else if !single {
-            texels.push(head(NODE_PLANES, places));
-            for (throughput, (scale, _)) in throughputs.iter().zip(scales) {
-                texels.push(floats(throughput.extend(scale)));
-            }
-            texels.extend((0..3).map(|i| floats((nodes[i].origin * scales[i].0).extend(0.0))));
-            texels.extend((0..3).map(|i| floats((nodes[i].direction * scales[i].1).extend(0.0))));
+            let places = nodes.map(|node| self.table.target(node.target));
+            let scaled = std::array::from_fn(|i| throughputs[i].extend(scales[i].0));
+            let parts = [scaled, rays.map(|ray| ray.0.extend(0.0)), rays.map(|ray| ray.1.extend(0.0))];
+            (head(NODE_PLANES, places), parts)
         } else if let Some(patch) = &target.patch {
-            texels.push(head(NODE_PLANE, [self.base_textures[target.material as usize], 0, 0]));
-            for (shade, (scale, _)) in shades(nodes).iter().zip(scales) {
-                texels.push(floats(shade.extend(scale)));
-            }
             // With O = Σ b e/d o, D = Σ b e r, S = Σ b e/d: s = (k S − N·O) / N·D, u = (G·O + c S + s G·D) / S.
             let [u, v] = patch.base_uv;
-            let terms: [[f32; 6]; 3] = std::array::from_fn(|i| {
-                let (scale, e) = scales[i];
-                let (origin, direction) = (nodes[i].origin * scale, nodes[i].direction * e);
-                [
+            let scaled = std::array::from_fn(|i| shades[i].extend(scales[i].0));
+            let bundle = std::array::from_fn(|i| {
+                let ((origin, direction), scale) = (rays[i], scales[i].0);
+                Vec4::new(
                     patch.distance * scale - patch.normal.dot(origin),
                     patch.normal.dot(direction),
                     u.truncate().dot(origin) + u.w * scale,
                     v.truncate().dot(origin) + v.w * scale,
-                    u.truncate().dot(direction),
-                    v.truncate().dot(direction),
-                ]
+                )
             });
-            texels.extend(terms.map(|t| floats(Vec4::new(t[0], t[1], t[2], t[3]))));
-            texels.extend(terms.map(|t| floats(Vec4::new(t[4], t[5], 0.0, 0.0))));
-            self.combine(leaf, corners, nodes.map(Some), |node| node.throughput * node.local.added);
+            let rest = rays.map(|(_, d)| Vec4::new(u.truncate().dot(d), v.truncate().dot(d), 0.0, 0.0));
+            (head(NODE_TEXTURE, texture()), [scaled, bundle, rest])
         } else {
-            texels.push(head(NODE_CHART, [self.base_textures[target.material as usize], 0, 0]));
-            texels.extend(shades(nodes).map(|shade| floats(shade.extend(1.0))));
-            for (node, corner) in nodes.iter().zip(corners) {
-                let w = corner.distance.map_or(1.0, |e| e / (e + node.after));
-                texels.push(floats((node.uv * w).extend(w).extend(0.0)));
-            }
+            let weights: [f32; 3] =
+                std::array::from_fn(|i| corners[i].distance.map_or(1.0, |e| e / (e + nodes[i].after)));
+            let scaled = std::array::from_fn(|i| shades[i].extend(weights[i]));
+            let projective = std::array::from_fn(|i| {
+                Vec4::new(0.0, 1.0, nodes[i].uv.x * weights[i], nodes[i].uv.y * weights[i])
+            });
+            (head(NODE_TEXTURE, texture()), [scaled, projective, [Vec4::ZERO; 3]])
+        };
+        if head[0] & 7 == NODE_TEXTURE {
             self.combine(leaf, corners, nodes.map(Some), |node| node.throughput * node.local.added);
+            leaf.note_texture(head[1]);
+        } else {
+            leaf.all_kinds = true;
         }
+        leaf.texels.push(head);
+        leaf.texels.extend(parts.into_iter().flatten().map(floats));
         leaf.count += 1;
     }
 }
 
 /// `value` before the attenuation at the primary hit, which the shader multiplies in per fragment.
-fn before(value: Vec3, attenuation: Vec3) -> Vec3 {
+pub(super) fn before(value: Vec3, attenuation: Vec3) -> Vec3 {
     let one = |value: f32, attenuation: f32| if attenuation > 1e-6 { value / attenuation } else { 0.0 };
-    Vec3::new(
-        one(value.x, attenuation.x),
-        one(value.y, attenuation.y),
-        one(value.z, attenuation.z),
-    )
+    Vec3::new(one(value.x, attenuation.x), one(value.y, attenuation.y), one(value.z, attenuation.z))
 }

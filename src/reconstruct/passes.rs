@@ -4,20 +4,19 @@
 use std::collections::HashMap;
 use std::sync::Arc;
 
-use bytemuck::Pod;
-
 use super::bank::Bank;
+use super::drawn::Drawn;
 use super::frame_block::FrameBlock;
-use super::leaves::{GROUPS, GpuLeaf, GpuVertex, Leaves};
-use super::table::{SceneTable, Texel};
+use super::leaves::{GpuLeaf, GpuVertex, Group};
+use super::table::SceneTable;
 use crate::constants::*;
 use crate::error::Result;
 use crate::gpu::{
     Binding, Blend, ColorTarget, Commands, Cull, DepthMode, DepthTarget, DescriptorSet, DeviceBuffer, Draws,
     Format, Gpu, GraphicsDesc, GraphicsPipeline, Image, ImageDesc, ReadbackBuffer, ReadbackChoice, Resource,
-    SetLayout, Shader, StencilMode, Targets, Timing, Uploads,
+    SetLayout, Shader, StencilMode, Targets, Uploads,
 };
-use crate::options::{Equation, Mode};
+use crate::options::{Equation, Mode, Reconstruction};
 use crate::report::image::FloatImage;
 use crate::spirv;
 
@@ -32,6 +31,13 @@ pub const SCENE_BINDINGS: [Binding; 4] = [
 /// Bindings of set 1: what one list of leaves reads.
 pub const LEAF_BINDINGS: [Binding; 3] =
     [Binding::storage("vertices"), Binding::storage("leaves"), Binding::texels("node_table")];
+
+/// Bindings of set 2: the arrays of one group of leaves.
+pub const ARRAY_BINDINGS: [Binding; 3] = [
+    Binding::textures("own_texture", 1),
+    Binding::textures("first_texture", 1),
+    Binding::textures("node_texture", 1),
+];
 
 mod base_image;
 
@@ -75,10 +81,23 @@ pub fn color_passes(mode: Mode, equation: Equation) -> &'static [ColorPass] {
     }
 }
 
+/// A colour pass as it was recorded.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Drawing {
+    /// Its name.
+    pub name: &'static str,
+    /// Its time on the device in milliseconds; 0 on a device without a clock.
+    pub ms: f64,
+    /// Draws recorded in it.
+    pub draws: u32,
+}
+
 /// What a pipeline is made for.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
 struct PipelineKey {
+    reconstruction: Reconstruction,
     leaves: u32,
+    mixed: bool,
     components: u32,
     blend: PassBlend,
     cull: bool,
@@ -106,7 +125,9 @@ enum Mark {
 /// How the image is drawn, apart from the scene and its samples.
 #[derive(Debug, Clone, PartialEq)]
 pub struct PassOptions {
-    /// Colour passes, in order; the first draws faces without samples too.
+    /// How leaves are reconstructed.
+    pub reconstruction: Reconstruction,
+    /// Colour passes that a frame may have, in order; the first draws faces without samples too.
     pub passes: Vec<ColorPass>,
     /// Eq. 3 or Eq. 4.
     pub equation: Equation,
@@ -123,6 +144,10 @@ pub struct PassOptions {
     pub lights: u32,
     /// Whether any material shows highlights.
     pub highlights: bool,
+    /// Whether any material has a texture on its emission.
+    pub emission_textures: bool,
+    /// Whether any material has a texture on its base colour.
+    pub base_textures: bool,
 }
 
 /// Faces that are drawn without samples, by how they are drawn.
@@ -141,6 +166,8 @@ pub struct BaseFaces {
 pub struct BaseDraw {
     /// Range of leaf records.
     pub leaves: std::ops::Range<u32>,
+    /// Array of the bank that their texture lies in.
+    pub array: u32,
     /// Whether back faces are left out.
     pub cull: bool,
     /// Whether they cover by alpha.
@@ -164,12 +191,15 @@ pub struct Painter {
     uploads: Uploads,
     frame: DeviceBuffer,
     scene_set: DescriptorSet,
-    layouts: [SetLayout; 2],
+    layouts: [SetLayout; 3],
+    array_sets: HashMap<[u32; 3], DescriptorSet>,
     base: LeafList,
     base_draws: Vec<BaseDraw>,
     dynamic: Option<LeafList>,
     pipelines: HashMap<PipelineKey, GraphicsPipeline>,
     depth_reset: Option<GraphicsPipeline>,
+    /// Whether nothing was drawn upon the base image of [`draw_base`](Self::draw_base) yet.
+    base_is_fresh: bool,
     target: Option<Target>,
     blended_order: Vec<u32>,
 }
@@ -199,6 +229,7 @@ impl Painter {
         let layouts = [
             SetLayout::new(gpu, "scene", &SCENE_BINDINGS)?,
             SetLayout::new(gpu, "leaves", &LEAF_BINDINGS)?,
+            SetLayout::new(gpu, "arrays", &ARRAY_BINDINGS)?,
         ];
         let scene_set = layouts[0].set(
             "scene",
@@ -209,7 +240,8 @@ impl Painter {
                 ("environment", Resource::Textures(&[bank.environment()])),
             ],
         )?;
-        let base_list = LeafList::new(gpu, &layouts[1], "base", &mut uploads, &base.vertices, &base.leaves, &[])?;
+        let base_buffers = [bytemuck::cast_slice(&base.vertices), bytemuck::cast_slice(&base.leaves), &[]];
+        let base_list = LeafList::new(gpu, &layouts[1], "base", &mut uploads, base_buffers)?;
         uploads.flush()?;
         let depth_reset = options.single_pass.then(|| base_image::depth_reset(gpu)).transpose()?;
         Ok(Self {
@@ -221,11 +253,13 @@ impl Painter {
             frame,
             scene_set,
             layouts,
+            array_sets: HashMap::new(),
             base: base_list,
             base_draws: base.draws.clone(),
             dynamic: None,
             pipelines: HashMap::new(),
             depth_reset,
+            base_is_fresh: false,
             target: None,
             blended_order: Vec::new(),
         })
@@ -245,24 +279,15 @@ impl Painter {
     ///
     /// # Errors
     /// No device memory left; a lost device.
-    pub fn upload(&mut self, leaves: &Leaves) -> Result<()> {
+    pub fn upload(&mut self, leaves: &Drawn) -> Result<()> {
         let (gpu, layout) = (&self.gpu, &self.layouts[1]);
+        let buffers = leaves.buffers();
         match &mut self.dynamic {
-            Some(list) if list.fits(&leaves.vertices, &leaves.leaves, &leaves.nodes) => {
-                list.write(&mut self.uploads, &leaves.vertices, &leaves.leaves, &leaves.nodes)?;
-            }
+            Some(list) if list.fits(buffers) => list.write(&mut self.uploads, buffers)?,
             slot => {
                 // Replaced before it is made anew, so that both never exist at once.
                 *slot = None;
-                *slot = Some(LeafList::new(
-                    gpu,
-                    layout,
-                    "leaves",
-                    &mut self.uploads,
-                    &leaves.vertices,
-                    &leaves.leaves,
-                    &leaves.nodes,
-                )?);
+                *slot = Some(LeafList::new(gpu, layout, "leaves", &mut self.uploads, buffers)?);
             }
         }
         self.uploads.flush()
@@ -274,36 +299,61 @@ impl Painter {
     /// # Errors
     /// What the driver says; no device memory left.
     pub fn warm_up(&mut self, block: &FrameBlock, has_leaves: bool) -> Result<()> {
-        self.make_target(block.width(), block.height())?;
-        let groups: &[u32] = if has_leaves { &GROUPS } else { &[] };
+        self.make_target(block.width, block.height)?;
         let mut keys: Vec<PipelineKey> = Vec::new();
-        for (index, pass) in self.options.passes.iter().enumerate() {
-            let blend = if index == 0 { PassBlend::First } else { PassBlend::Later };
-            let drawn = groups.iter().filter(|&&leaves| index == 0 || leaves != LEAVES_PLAIN);
-            keys.extend(drawn.map(|&leaves| PipelineKey {
-                leaves,
-                components: pass.components,
-                blend,
-                cull: false,
-                mark: self.leaf_mark(),
-            }));
+        if has_leaves {
+            for (index, pass) in self.options.passes.iter().enumerate() {
+                let kinds: &[(u32, bool)] = match self.options.reconstruction {
+                    Reconstruction::Exact => &[
+                        (LEAVES_PLAIN, false),
+                        (LEAVES_FIRST, false),
+                        (LEAVES_NODES, false),
+                        (LEAVES_NODES, true),
+                        (LEAVES_ALL, true),
+                    ],
+                    Reconstruction::Paper => &[(LEAVES_PLAIN, false), (LEAVES_NODES, false)],
+                };
+                keys.extend(kinds.iter().filter_map(|&(kind, mixed)| {
+                    let arrays = [0, 0, if mixed { MIXED_ARRAYS } else { 0 }];
+                    let key = |group| leaf_key(&self.options, *pass, index, group);
+                    drawn(index, kind).then(|| key(Group { kind, arrays }))
+                }));
+            }
         }
+        let of_leaves = keys.len();
         for draw in &self.base_draws {
             keys.push(self.base_key(draw));
         }
         for key in &keys {
             self.pipeline(*key)?;
         }
+        if self.dynamic.is_none() {
+            self.upload(&Drawn::blank(self.options.reconstruction))?;
+        }
+        self.array_set([0; 3])?;
         self.uploads.write(&self.frame, 0, std::slice::from_ref(block))?;
-        let Self { commands, uploads, target, pipelines, scene_set, base, depth_reset, .. } = self;
-        let Some(target) = target else { return Ok(()) };
+        let Self {
+            commands,
+            uploads,
+            target,
+            pipelines,
+            depth_reset,
+            scene_set,
+            base,
+            dynamic,
+            array_sets,
+            ..
+        } = self;
+        let (Some(target), Some(leaves)) = (target, dynamic) else { return Ok(()) };
         let mut recording = commands.begin()?;
         uploads.record(&mut recording);
         target.render(&mut recording, true, |draws| {
             draws.scissor([0, 0, 1, 1]);
-            for key in &keys {
+            for (index, key) in keys.iter().enumerate() {
+                let list = if index < of_leaves { &*leaves } else { &*base };
                 if let Some(pipeline) = pipelines.get(key) {
-                    draws.pipeline(pipeline).set(0, scene_set).set(1, &base.set).draw(0..3);
+                    draws.pipeline(pipeline).set(0, scene_set).set(1, &list.set);
+                    draws.set(2, &array_sets[&[0; 3]]).draw(0..3);
                 }
             }
         });
@@ -315,7 +365,9 @@ impl Painter {
 
     fn base_key(&self, draw: &BaseDraw) -> PipelineKey {
         PipelineKey {
+            reconstruction: Reconstruction::Exact,
             leaves: LEAVES_PLAIN,
+            mixed: false,
             components: self.options.passes.first().map_or(COMPONENT_PRIMARY, |pass| pass.components),
             blend: if draw.blended { PassBlend::Coverage } else { PassBlend::First },
             cull: draw.cull,
@@ -326,26 +378,31 @@ impl Painter {
         }
     }
 
-    fn leaf_mark(&self) -> Mark {
-        if self.options.single_pass { Mark::Needed } else { Mark::Ignored }
-    }
-
-    /// Draws the frame; the leaves are those of the last [`upload`](Self::upload). Returns the device's time
-    /// of each colour pass. In a single pass it draws on top of the last [`draw_base`](Self::draw_base).
+    /// Draws the frame in `passes`, all or some of the options'; the leaves are those of the last
+    /// [`upload`](Self::upload). Returns what was recorded. In a single pass they are drawn upon the last
+    /// [`draw_base`](Self::draw_base), which is drawn again only if it was drawn upon already.
     ///
     /// # Errors
     /// No device memory left; a lost device.
-    pub fn draw(&mut self, block: &FrameBlock, leaves: Option<&Leaves>) -> Result<Vec<Timing>> {
-        self.make_target(block.width(), block.height())?;
-        let passes = self.options.passes.clone();
-        let (single_pass, mark) = (self.options.single_pass, self.leaf_mark());
+    pub fn draw(
+        &mut self,
+        block: &FrameBlock,
+        leaves: Option<&Drawn>,
+        passes: &[ColorPass],
+    ) -> Result<Vec<Drawing>> {
+        self.make_target(block.width, block.height)?;
         let draws = leaves.map_or(Vec::new(), leaf_draws);
-        for (index, pass) in passes.iter().enumerate() {
-            for draw in &draws {
-                if index == 0 || draw.group != LEAVES_PLAIN {
-                    self.pipeline(leaf_key(*pass, index, draw, mark))?;
-                }
+        let mut drawings = Vec::new();
+        for draw in &draws {
+            for (index, &pass) in
+                passes.iter().enumerate().filter(|&(index, _)| drawn(index, draw.group.kind))
+            {
+                self.pipeline(leaf_key(&self.options, pass, index, draw.group))?;
             }
+            self.array_set(bound_arrays(draw.group.arrays))?;
+        }
+        for index in 0..self.base_draws.len() {
+            self.array_set([self.base_draws[index].array, 0, 0])?;
         }
         let base_keys: Vec<PipelineKey> = self.base_draws.iter().map(|draw| self.base_key(draw)).collect();
         for &key in &base_keys {
@@ -354,45 +411,81 @@ impl Painter {
         let blended = self.blended_draws();
 
         self.uploads.write(&self.frame, 0, std::slice::from_ref(block))?;
-        let Self { commands, uploads, target, pipelines, scene_set, base, base_draws, dynamic, depth_reset, .. } =
-            self;
+        let base_is_fresh = std::mem::take(&mut self.base_is_fresh);
+        let Self {
+            options,
+            depth_reset,
+            commands,
+            uploads,
+            target,
+            pipelines,
+            scene_set,
+            base,
+            base_draws,
+            dynamic,
+            array_sets,
+            ..
+        } = self;
         let Some(target) = target else { return Ok(Vec::new()) };
         let mut recording = commands.begin()?;
         uploads.record(&mut recording);
+        let record_opaque = |commands: &mut Draws<'_, '_>| {
+            for (draw, key) in base_draws.iter().zip(&base_keys).filter(|(draw, _)| !draw.blended) {
+                let arrays = &array_sets[&[draw.array, 0, 0]];
+                record_base(commands, &pipelines[key], [scene_set, &base.set, arrays], draw);
+            }
+        };
+        if options.single_pass && !base_is_fresh {
+            target.render(&mut recording, true, record_opaque);
+        }
         if let Some(pipeline) = depth_reset {
             target.reset_depth(&mut recording, pipeline);
         }
         for (index, &pass) in passes.iter().enumerate() {
+            let with_base = index == 0 && !options.single_pass;
+            let of_leaves = draws.iter().filter(|draw| drawn(index, draw.group.kind));
+            let opaque = base_draws.iter().filter(|draw| with_base && !draw.blended);
+            let count = of_leaves.clone().count() + opaque.count();
+            drawings.push(Drawing { name: pass.name, ms: 0.0, draws: count as u32 });
             recording.timed(pass.name, |recording| {
-                target.render(recording, index == 0 && !single_pass, |commands| {
+                target.render(recording, with_base, |commands| {
                     if let Some(list) = dynamic {
-                        for draw in draws.iter().filter(|draw| index == 0 || draw.group != LEAVES_PLAIN) {
-                            let pipeline = &pipelines[&leaf_key(pass, index, draw, mark)];
+                        for draw in of_leaves {
+                            let pipeline = &pipelines[&leaf_key(options, pass, index, draw.group)];
                             commands.pipeline(pipeline).set(0, scene_set).set(1, &list.set);
+                            commands.set(2, &array_sets[&bound_arrays(draw.group.arrays)]);
                             commands.draw(3 * draw.leaves.start..3 * draw.leaves.end);
                         }
                     }
-                    if index > 0 || single_pass {
-                        return;
-                    }
-                    let opaque = (0..base_draws.len()).filter(|&draw| !base_draws[draw].blended);
-                    for draw in opaque {
-                        record_base(commands, &pipelines[&base_keys[draw]], scene_set, base, &base_draws[draw]);
+                    if with_base {
+                        record_opaque(commands);
                     }
                 });
             });
         }
         if !blended.is_empty() {
+            drawings.push(Drawing { name: "blended", ms: 0.0, draws: blended.len() as u32 });
             recording.timed("blended", |recording| {
                 target.render(recording, false, |commands| {
                     for draw in blended {
-                        record_base(commands, &pipelines[&base_keys[draw]], scene_set, base, &base_draws[draw]);
+                        let arrays = &array_sets[&[base_draws[draw].array, 0, 0]];
+                        record_base(
+                            commands,
+                            &pipelines[&base_keys[draw]],
+                            [scene_set, &base.set, arrays],
+                            &base_draws[draw],
+                        );
                     }
                 });
             });
         }
         recording.submit_and_wait()?;
-        self.commands.timings()
+        for timing in self.commands.timings()? {
+            if let Some(drawing) = drawings.iter_mut().find(|drawing| drawing.name == timing.name) {
+                drawing.ms = timing.ms;
+            }
+        }
+        Ok(drawings)
     }
 
     fn blended_draws(&self) -> Vec<usize> {
@@ -426,6 +519,7 @@ impl Painter {
             return Ok(());
         }
         self.target = None;
+        self.base_is_fresh = false;
         let samples = self.options.samples;
         let gpu = &self.gpu;
         let color = Image::new(gpu, &ImageDesc::target("color", Format::Rgba16f, width, height))?;
@@ -438,6 +532,24 @@ impl Painter {
         let depth = ImageDesc::target("depth", self.depth_format(), width, height).with_samples(samples);
         let staging = ReadbackBuffer::new(gpu, "image staging", color.bytes(), ReadbackChoice::Best)?;
         self.target = Some(Target { color, multisampled, depth: Image::new(gpu, &depth)?, staging });
+        Ok(())
+    }
+
+    /// Makes the set of a group's arrays.
+    fn array_set(&mut self, arrays: [u32; 3]) -> Result<()> {
+        if !self.array_sets.contains_key(&arrays) {
+            let bindings = self.bank.bindings();
+            let [own, first, node] = arrays.map(|array| [bindings[array as usize]]);
+            let set = self.layouts[2].set(
+                "arrays",
+                &[
+                    ("own_texture", Resource::Textures(&own)),
+                    ("first_texture", Resource::Textures(&first)),
+                    ("node_texture", Resource::Textures(&node)),
+                ],
+            )?;
+            self.array_sets.insert(arrays, set);
+        }
         Ok(())
     }
 
@@ -457,7 +569,10 @@ impl Painter {
             (4, u32::from(self.options.equation == Equation::Four)),
             (5, self.options.lights),
             (6, u32::from(self.options.highlights)),
-            (7, u32::from(matches!(key.mark, Mark::Set(_)))),
+            (7, u32::from(self.options.emission_textures)),
+            (8, u32::from(self.options.base_textures)),
+            (9, u32::from(key.mixed)),
+            (10, u32::from(matches!(key.mark, Mark::Set(_)))),
         ];
         let stencil = match key.mark {
             Mark::Ignored => StencilMode::Off,
@@ -469,18 +584,23 @@ impl Painter {
             PassBlend::Later => (Blend::Add, DepthMode::Equal),
             PassBlend::Coverage => (Blend::Over, DepthMode::Test),
         };
+        let (vertex, fragment): (&[u8], &[u8]) = match key.reconstruction {
+            Reconstruction::Exact => (spirv!("leaf.vert"), spirv!("exact.frag")),
+            Reconstruction::Paper => (spirv!("paper.vert"), spirv!("paper.frag")),
+        };
         let pipeline = GraphicsPipeline::new(
             &self.gpu,
             &GraphicsDesc {
-                fragment: Shader { spirv: spirv!("exact.frag"), constants: &constants },
-                sets: &[&self.layouts[0], &self.layouts[1]],
+                vertex: Shader { spirv: vertex, constants: &constants },
+                fragment: Shader { spirv: fragment, constants: &constants },
+                sets: &[&self.layouts[0], &self.layouts[1], &self.layouts[2]],
                 colors: &[(Format::Rgba16f, blend)],
                 depth_format: Some(self.depth_format()),
                 depth,
                 stencil,
                 cull: if key.cull { Cull::Back } else { Cull::None },
                 samples: self.options.samples,
-                ..GraphicsDesc::opaque("leaves", spirv!("leaf.vert"), spirv!("exact.frag"))
+                ..GraphicsDesc::opaque("leaves", vertex, fragment)
             },
         )?;
         self.pipelines.insert(key, pipeline);
@@ -491,36 +611,49 @@ impl Painter {
 /// Consecutive leaves of one group.
 struct LeafDraw {
     leaves: std::ops::Range<u32>,
-    group: u32,
+    group: Group,
 }
 
-fn leaf_draws(leaves: &Leaves) -> Vec<LeafDraw> {
+fn leaf_draws(leaves: &Drawn) -> Vec<LeafDraw> {
     let mut start = 0;
-    let ranges = leaves.groups.iter().zip(GROUPS).map(|(&count, group)| {
+    let draw = |&(group, count): &(Group, u32)| {
         start += count;
         LeafDraw { leaves: start - count..start, group }
-    });
-    ranges.filter(|draw| !draw.leaves.is_empty()).collect()
+    };
+    leaves.groups().iter().map(draw).collect()
 }
 
-fn leaf_key(pass: ColorPass, index: usize, draw: &LeafDraw, mark: Mark) -> PipelineKey {
+/// Whether leaves of kind `kind` are drawn in colour pass `index`: those without specular part only in the
+/// first.
+fn drawn(index: usize, kind: u32) -> bool {
+    index == 0 || kind != LEAVES_PLAIN
+}
+
+/// The arrays that are bound for a group: any where it needs none or several.
+fn bound_arrays(arrays: [u32; 3]) -> [u32; 3] {
+    arrays.map(|array| if array == MIXED_ARRAYS { 0 } else { array })
+}
+
+fn leaf_key(options: &PassOptions, pass: ColorPass, index: usize, group: Group) -> PipelineKey {
     PipelineKey {
-        leaves: draw.group,
+        reconstruction: options.reconstruction,
+        leaves: group.kind,
+        mixed: group.arrays[2] == MIXED_ARRAYS,
         components: pass.components,
         blend: if index == 0 { PassBlend::First } else { PassBlend::Later },
         cull: false,
-        mark,
+        mark: if options.single_pass { Mark::Needed } else { Mark::Ignored },
     }
 }
 
 fn record_base(
     commands: &mut Draws<'_, '_>,
     pipeline: &GraphicsPipeline,
-    scene: &DescriptorSet,
-    list: &LeafList,
+    [scene, list, arrays]: [&DescriptorSet; 3],
     draw: &BaseDraw,
 ) {
-    commands.pipeline(pipeline).set(0, scene).set(1, &list.set).draw(3 * draw.leaves.start..3 * draw.leaves.end);
+    commands.pipeline(pipeline).set(0, scene).set(1, list).set(2, arrays);
+    commands.draw(3 * draw.leaves.start..3 * draw.leaves.end);
 }
 
 impl Target {
@@ -541,24 +674,20 @@ impl Target {
 }
 
 impl LeafList {
+    /// `data`: vertices, leaf records, node table.
     fn new(
         gpu: &Arc<Gpu>,
         layout: &SetLayout,
         name: &str,
         uploads: &mut Uploads,
-        vertices: &[GpuVertex],
-        leaves: &[GpuLeaf],
-        nodes: &[Texel],
+        data: [&[u8]; 3],
     ) -> Result<Self> {
         // Room to grow by half without a new buffer.
-        let make = |what: &str, bytes: usize| {
-            DeviceBuffer::new(gpu, &format!("{name} {what}"), (bytes as u64 * 3 / 2).max(256).next_multiple_of(16))
+        let make = |what: &str, data: &[u8]| {
+            let bytes = (data.len() as u64 * 3 / 2).max(256).next_multiple_of(16);
+            DeviceBuffer::new(gpu, &format!("{name} {what}"), bytes)
         };
-        let buffers = [
-            make("vertices", size_of_val(vertices))?,
-            make("records", size_of_val(leaves))?,
-            make("nodes", size_of_val(nodes))?,
-        ];
+        let buffers = [make("vertices", data[0])?, make("records", data[1])?, make("nodes", data[2])?];
         let set = layout.set(
             name,
             &[
@@ -568,27 +697,16 @@ impl LeafList {
             ],
         )?;
         let list = Self { buffers, set };
-        list.write(uploads, vertices, leaves, nodes)?;
+        list.write(uploads, data)?;
         Ok(list)
     }
 
-    fn fits(&self, vertices: &[GpuVertex], leaves: &[GpuLeaf], nodes: &[Texel]) -> bool {
-        let sizes = [size_of_val(vertices), size_of_val(leaves), size_of_val(nodes)];
-        self.buffers.iter().zip(sizes).all(|(buffer, size)| buffer.size() >= size as u64)
+    fn fits(&self, data: [&[u8]; 3]) -> bool {
+        self.buffers.iter().zip(data).all(|(buffer, data)| buffer.size() >= data.len() as u64)
     }
 
-    fn write(
-        &self,
-        uploads: &mut Uploads,
-        vertices: &[GpuVertex],
-        leaves: &[GpuLeaf],
-        nodes: &[Texel],
-    ) -> Result<()> {
-        fn one<T: Pod>(uploads: &mut Uploads, buffer: &DeviceBuffer, data: &[T]) -> Result<()> {
-            if data.is_empty() { Ok(()) } else { uploads.write(buffer, 0, data) }
-        }
-        one(uploads, &self.buffers[0], vertices)?;
-        one(uploads, &self.buffers[1], leaves)?;
-        one(uploads, &self.buffers[2], nodes)
+    fn write(&self, uploads: &mut Uploads, data: [&[u8]; 3]) -> Result<()> {
+        let mut parts = self.buffers.iter().zip(data).filter(|(_, data)| !data.is_empty());
+        parts.try_for_each(|(buffer, data)| uploads.write(buffer, 0, data))
     }
 }

@@ -65,7 +65,9 @@ impl SceneTable {
             texels[2 + row] = floats(patch.base_uv[row]);
             texels[4 + row] = floats(patch.emissive_uv[row]);
         }
-        for (texel, &side) in texels[TARGET_OUTLINE as usize..].iter_mut().zip(outline.iter().take(MAX_HALF_PLANES)) {
+        for (texel, &side) in
+            texels[TARGET_OUTLINE as usize..].iter_mut().zip(outline.iter().take(MAX_HALF_PLANES))
+        {
             *texel = floats(side);
         }
         texels
@@ -99,10 +101,9 @@ fn pack_material(material: &Material, bank: &Bank, fresnel: bool) -> Vec<Texel> 
         floats(Vec3::ZERO.extend(0.0).with_x(cutoff)),
     ];
     for slot in slots {
-        let (matrix, translation, set) =
-            slot.map_or((glam::Mat2::IDENTITY, glam::Vec2::ZERO, 0), |slot| {
-                (slot.transform.matrix2, slot.transform.translation, u32::from(slot.uv_set))
-            });
+        let (matrix, translation, set) = slot.map_or((glam::Mat2::IDENTITY, glam::Vec2::ZERO, 0), |slot| {
+            (slot.transform.matrix2, slot.transform.translation, u32::from(slot.uv_set))
+        });
         let (u, v) = (matrix.row(0), matrix.row(1));
         texels.push([u.x.to_bits(), u.y.to_bits(), translation.x.to_bits(), set]);
         texels.push([v.x.to_bits(), v.y.to_bits(), translation.y.to_bits(), 0]);

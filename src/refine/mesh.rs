@@ -120,7 +120,8 @@ impl Mesh {
         let mut vertex_ids = FxHashMap::default();
         for &base in seeds {
             let winding = geometry.area_normal(base);
-            let shading: Vec3 = geometry.faces[base as usize].map(|v| geometry.normals[v as usize]).iter().sum();
+            let shading: Vec3 =
+                geometry.faces[base as usize].map(|v| geometry.normals[v as usize]).iter().sum();
             let normal = if winding.dot(shading) < 0.0 { -winding } else { winding };
             let back = normal.dot(view.direction_to(geometry.corners(base)[0])) > 0.0;
             let corners = geometry.faces[base as usize].map(|v| {
@@ -250,9 +251,10 @@ impl Mesh {
                 continue;
             }
             let longest = self.longest(top);
-            let blocking = self.around(longest).map(|s| s >> 2).find(|&other| {
-                self.edge_points(self.longest(other)) != self.edge_points(longest)
-            });
+            let blocking = self
+                .around(longest)
+                .map(|s| s >> 2)
+                .find(|&other| self.edge_points(self.longest(other)) != self.edge_points(longest));
             match blocking {
                 Some(neighbour) => stack.push(neighbour),
                 None => {

@@ -11,7 +11,7 @@ pub mod samples;
 
 use std::cmp::Ordering;
 use std::collections::BinaryHeap;
-use std::time::Instant;
+use std::time::{Duration, Instant};
 
 use glam::Vec3;
 use rayon::prelude::*;
@@ -20,7 +20,7 @@ use self::mesh::{Mesh, Split};
 use self::pixels::Shown;
 use self::predict::{Corner, Deviation, Predictor};
 use self::samples::Samples;
-use crate::options::EffortOptions;
+use crate::options::{EffortOptions, Reconstruction};
 use crate::trace::sample::Context;
 
 /// Longest edge, in pixels, at which a face is no longer bisected.
@@ -106,12 +106,7 @@ impl PartialOrd for Entry {
 
 impl<'a> Refiner<'a> {
     /// Traces the vertices of the unrefined `mesh` and queues its faces.
-    pub fn new(
-        context: &'a Context<'a>,
-        predictor: &'a Predictor<'a>,
-        mesh: Mesh,
-        shown: Shown<'a>,
-    ) -> Self {
+    pub fn new(context: &'a Context<'a>, predictor: &'a Predictor<'a>, mesh: Mesh, shown: Shown<'a>) -> Self {
         let mut refiner = Self {
             context,
             predictor,
@@ -191,20 +186,23 @@ impl<'a> Refiner<'a> {
         if effort.preview {
             return Ok(StoppedBy::Preview);
         }
+        let mut last_step = Duration::ZERO;
         loop {
             if effort.max_samples.is_some_and(|limit| self.cost() >= limit) {
                 return Ok(StoppedBy::MaxSamples);
             }
-            if effort.budget.is_some_and(|limit| started.elapsed() >= limit) {
+            if effort.budget.is_some_and(|limit| started.elapsed() + last_step >= limit) {
                 return Ok(StoppedBy::Budget);
             }
             if effort.max_samples.is_none() && effort.budget.is_none() && self.predicted().0 <= effort.error {
                 return Ok(StoppedBy::Error);
             }
             let room = effort.max_samples.map_or(u64::MAX, |limit| limit - self.cost());
+            let step_started = Instant::now();
             if !self.step(room) {
                 return Ok(StoppedBy::Exhausted);
             }
+            last_step = step_started.elapsed();
             after_step(self)?;
         }
     }
@@ -220,7 +218,9 @@ impl<'a> Refiner<'a> {
         let mut left_queue = false;
         while popped < batch {
             let made = self.mesh.vertices.len() - vertices_before;
-            if made as u64 + (self.pixel_budget_used as u64) >= room.saturating_add(self.pixel_budget_used as u64) {
+            if made as u64 + (self.pixel_budget_used as u64)
+                >= room.saturating_add(self.pixel_budget_used as u64)
+            {
                 break;
             }
             let Some(Entry { face, .. }) = self.queue.pop() else { break };
@@ -228,6 +228,10 @@ impl<'a> Refiner<'a> {
                 continue;
             }
             if self.mesh.size(face) <= STOP_SIZE {
+                // The paper knows no traced pixels: its faces stop here as they are.
+                if self.predictor.reconstruction == Reconstruction::Paper {
+                    continue;
+                }
                 self.trace_pixels_of(face);
                 left_queue = true;
                 continue;
@@ -260,10 +264,8 @@ impl<'a> Refiner<'a> {
     /// What tracing the middle of a bisected edge showed.
     fn surprise(&self, split: &Split) -> Deviation {
         let vertex = self.mesh.vertices[split.vertex as usize];
-        let corner = |v: u32| Corner {
-            sample: self.samples.get(v),
-            distance: self.distance(self.mesh.position(v)),
-        };
+        let corner =
+            |v: u32| Corner { sample: self.samples.get(v), distance: self.distance(self.mesh.position(v)) };
         let [a, b] = vertex.parents;
         let image = |v: u32| self.mesh.images[self.mesh.vertices[v as usize].point as usize];
         let pixels = (image(a) - image(b)).length() * self.mesh.pixels_per_unit;

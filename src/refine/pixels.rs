@@ -7,7 +7,7 @@ use super::mesh::Mesh;
 use crate::scene::View;
 use crate::trace::sample::{self, Context};
 use crate::trace::{Rays, Surface};
-use crate::visibility::{Found, IdImage};
+use crate::visibility::{Class, Found, IdImage};
 
 /// What is known of the pixels that show a face.
 #[derive(Debug, Clone, Copy)]
@@ -39,6 +39,19 @@ pub struct TracedPixel {
 const FEW: &[[f32; 3]] =
     &[[1.0 / 3.0, 1.0 / 3.0, 1.0 / 3.0], [0.7, 0.15, 0.15], [0.15, 0.7, 0.15], [0.15, 0.15, 0.7]];
 const MANY_SIDE: u32 = 6;
+
+/// The face that needs samples and shows at pixel (`x`, `y`), by a primary ray if no image says it.
+pub fn face_at(context: &Context, shown: Shown, classes: &[Class], x: u32, y: u32) -> Option<u32> {
+    match shown {
+        Shown::Image(ids) => ids.face(x, y),
+        Shown::Counts(_) => {
+            let (origin, direction) = context.view.ray(Vec2::new(x as f32 + 0.5, y as f32 + 0.5));
+            let face = context.tracer.closest(origin, direction)?.face;
+            let object = context.tracer.scene().geometry.face_objects[face as usize];
+            (classes[object as usize] != Class::Occluder).then_some(face)
+        }
+    }
+}
 
 /// Estimated number of pixels that show `face`: its projected area times the share of points inside it at
 /// which its base face shows; where counts alone are known, times the share of the base face's area that does.
@@ -126,9 +139,9 @@ pub fn trace(context: &Context, mesh: &Mesh, shown: Shown, faces: &[u32]) -> (Ve
                     let from_eye = context.view.distance_to(surface.position);
                     let primary =
                         sample::trace_surface(context, &surface, direction, from_eye, &mut nodes, &mut rays);
-                    let radiance = nodes.iter().fold(primary.local.radiance(primary.texel), |sum, node| {
-                        sum + node.radiance()
-                    });
+                    let radiance = nodes
+                        .iter()
+                        .fold(primary.local.radiance(primary.texel), |sum, node| sum + node.radiance());
                     pixels.push(TracedPixel { index: y * context.view.width + x, face, radiance });
                 }
             }

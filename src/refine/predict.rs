@@ -131,8 +131,7 @@ impl Predictor<'_> {
         let shade = (a.throughput * a.local.textured + b.throughput * b.local.textured) * 0.5;
         let added = mean_square(node.throughput * node.local.added - throughput_added(ends));
         let tint = mean_square(node.throughput * node.local.textured - shade) * structure.mean_square;
-        let slide =
-            mean_square(node.throughput * node.local.textured) * structure.displaced(uv - node.uv);
+        let slide = mean_square(node.throughput * node.local.textured) * structure.displaced(uv - node.uv);
         (tint + slide + added, shift)
     }
 
@@ -182,7 +181,8 @@ impl Predictor<'_> {
     /// What the corners of a face do not share; `size` is the face's longest edge in pixels.
     pub fn face(&self, corners: [Sample; 3], size: f32) -> Deviation {
         let mut deviation = Deviation::default();
-        let total = corners.iter().map(|&corner| total_contribution(corner)).fold(f32::MIN_POSITIVE, f32::max);
+        let total =
+            corners.iter().map(|&corner| total_contribution(corner)).fold(f32::MIN_POSITIVE, f32::max);
         for (index, corner) in corners.iter().enumerate() {
             for node in corner.nodes {
                 if corners[..index].iter().any(|earlier| earlier.node(node.path).is_some()) {

@@ -139,6 +139,8 @@ pub struct Pass {
     pub name: String,
     /// Its time on the device.
     pub ms: f64,
+    /// Draws recorded in it.
+    pub draws: u64,
 }
 
 /// Wall times in milliseconds.

@@ -56,8 +56,8 @@ fn one_line(error: &image::ImageError) -> String {
 }
 
 fn representable(radiance: Vec3) -> Vec3 {
-    // `max` of a NaN and a number is the number.
-    Vec3::from_array(radiance.to_array().map(|channel| channel.max(0.0).min(MAX_RADIANCE)))
+    let within = |channel: f32| if channel.is_nan() { 0.0 } else { channel.clamp(0.0, MAX_RADIANCE) };
+    Vec3::from_array(radiance.to_array().map(within))
 }
 
 #[cfg(test)]

@@ -134,7 +134,8 @@ impl Adjacency {
         let geometry = &scene.geometry;
         let mut neighbours = vec![Vec::new(); faces.len()];
         let uvs_at = |face: u32, point: u32| {
-            let corner = geometry.faces[face as usize].into_iter().find(|&v| topology.point[v as usize] == point);
+            let corner =
+                geometry.faces[face as usize].into_iter().find(|&v| topology.point[v as usize] == point);
             corner.map(|v| [geometry.uv(0, v), geometry.uv(1, v)])
         };
         for edge in topology.edges(geometry, faces.clone()) {
@@ -223,13 +224,12 @@ impl Plane {
                 let maps_agree = slots.into_iter().zip(&self.uv).all(|(slot, map)| {
                     let Some(slot) = slot else { return true };
                     let uv = slot.transform(geometry.uv(slot.uv_set, v)).as_dvec2();
-                    let predicted = DVec2::new(
-                        map[0].0.dot(position) + map[0].1,
-                        map[1].0.dot(position) + map[1].1,
-                    );
+                    let predicted =
+                        DVec2::new(map[0].0.dot(position) + map[0].1, map[1].0.dot(position) + map[1].1);
                     (uv - predicted).length() <= 1e-4 * uv.length().max(1.0)
                 });
-                (position - self.origin).dot(self.normal).abs() <= 1e-5 * self.extent.max(position.length() * 0.05)
+                (position - self.origin).dot(self.normal).abs()
+                    <= 1e-5 * self.extent.max(position.length() * 0.05)
                     && geometry.normals[v as usize].as_dvec3().dot(self.normal) > 1.0 - 1e-5
                     && geometry.color(v) == self.color
                     && maps_agree
@@ -262,7 +262,8 @@ impl Plane {
     }
 
     fn patch(&self, outline: Option<Vec<Vec4>>) -> Patch {
-        let rows = |map: &[(DVec3, f64); 2]| map.map(|(gradient, offset)| gradient.as_vec3().extend(offset as f32));
+        let rows =
+            |map: &[(DVec3, f64); 2]| map.map(|(gradient, offset)| gradient.as_vec3().extend(offset as f32));
         Patch {
             normal: self.normal.as_vec3(),
             distance: self.normal.dot(self.origin) as f32,

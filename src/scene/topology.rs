@@ -64,9 +64,6 @@ impl Topology {
             .map(|side| (self.edge(geometry, side), side))
             .collect();
         sides.sort_unstable_by_key(|&(edge, side)| (edge, side.face, side.edge));
-        sides
-            .chunk_by(|a, b| a.0 == b.0)
-            .map(|group| group.iter().map(|&(_, side)| side).collect())
-            .collect()
+        sides.chunk_by(|a, b| a.0 == b.0).map(|group| group.iter().map(|&(_, side)| side).collect()).collect()
     }
 }

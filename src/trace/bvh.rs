@@ -6,7 +6,7 @@ use glam::{Vec3, Vec3A, Vec3Swizzles};
 use obvhs::{
     BvhBuildParams,
     aabb::Aabb,
-    cwbvh::{CwBvh, builder::build_cwbvh},
+    bvh2::{Bvh2, builder::build_bvh2},
     ray::{Ray, RayHit},
 };
 
@@ -19,9 +19,19 @@ use crate::scene::{AlphaMode, Scene};
 /// Rays end this fraction of the distance short of a light, so that a light on a surface is seen.
 const SHADOW_END: f32 = 1e-4;
 
-/// Ray parameters are counted in this fraction of the scene's extent. obvhs rejects boxes that a ray
-/// leaves before t = 1e-4; in this unit that is 1e-8 of the extent, less than a position's rounding.
-const RAY_UNIT: f32 = 1e-4;
+/// How the BVH is built over `faces` faces.
+///
+/// Two triangles a leaf, since a triangle test costs about as much as a box test. Reinsertion repairs the
+/// greedy build: all nodes of a small scene, where it pays back within a frame, and as many of a large one
+/// as keep the time in proportion.
+fn build_params(faces: usize) -> BvhBuildParams {
+    BvhBuildParams {
+        reinsertion_batch_ratio: (20_000.0 / faces as f32).clamp(0.05, 1.0),
+        max_prims_per_leaf: 2,
+        collapse_traversal_cost: 1.0,
+        ..BvhBuildParams::medium_build()
+    }
+}
 
 /// Boxes are wider than their triangles by this fraction of the scene's extent: as much as a box test errs
 /// for a ray from inside the scene, so that it does not lose what the triangle test would find.
@@ -49,12 +59,10 @@ pub struct Hit {
 /// cutoff; BLEND is opaque (coverage on camera rays is [`surface::coverage`](super::surface::coverage)).
 pub struct Tracer<'s> {
     scene: &'s Scene,
-    bvh: CwBvh,
+    bvh: Bvh2,
     /// Corners in the order of the BVH's leaves, and the face that each came from.
     triangles: Vec<Triangle>,
     faces: Vec<u32>,
-    /// Distance that a ray parameter of 1 stands for; a power of two, so that scaling is exact.
-    unit: f32,
     masked: bool,
     /// In the order of the scene's faces.
     records: Vec<Record>,
@@ -67,12 +75,12 @@ impl<'s> Tracer<'s> {
         let by_face: Vec<Triangle> =
             (0..geometry.faces.len() as u32).map(|face| Triangle::new(geometry.corners(face))).collect();
         let (low, high) = scene.bounds();
-        let extent = low.abs().max(high.abs()).max_element().max(f32::MIN_POSITIVE / RAY_UNIT);
+        let extent = low.abs().max(high.abs()).max_element();
         let boxes: Vec<Aabb> = by_face.iter().map(|triangle| triangle.bounds(extent * BOX_PADDING)).collect();
         let bvh = if boxes.is_empty() {
-            CwBvh::default()
+            Bvh2::default()
         } else {
-            build_cwbvh(&boxes, BvhBuildParams::medium_build(), &mut Duration::default())
+            build_bvh2(&boxes, build_params(boxes.len()), &mut Duration::default())
         };
         let masked = scene.materials.iter().any(|material| matches!(material.alpha_mode, AlphaMode::Mask(_)));
         Self {
@@ -80,7 +88,6 @@ impl<'s> Tracer<'s> {
             triangles: bvh.primitive_indices.iter().map(|&face| by_face[face as usize]).collect(),
             faces: bvh.primitive_indices.clone(),
             bvh,
-            unit: (extent * RAY_UNIT).log2().floor().exp2(),
             masked,
             records: surface::records(scene),
         }
@@ -89,6 +96,14 @@ impl<'s> Tracer<'s> {
     /// The scene that is traced.
     pub fn scene(&self) -> &'s Scene {
         self.scene
+    }
+
+    /// Lets rays start `distance` off every face instead of what its position and size ask for: made to
+    /// compare images with renderers that have one global epsilon.
+    pub fn set_offset(&mut self, distance: f32) {
+        for record in &mut self.records {
+            record.offset = distance;
+        }
     }
 
     #[inline]
@@ -117,12 +132,12 @@ impl<'s> Tracer<'s> {
         }
     }
 
-    #[inline]
+    #[inline(always)]
     fn closest_of<const MASKED: bool>(&self, origin: Vec3, direction: Vec3) -> Option<Hit> {
-        let probe = Probe::new(origin, direction, self.unit);
+        let probe = Probe::new(origin, direction);
         let mut nearest = RayHit::none();
         let mut weights = Vec3A::ZERO;
-        self.bvh.ray_traverse(self.ray(origin, direction, f32::INFINITY), &mut nearest, |ray, leaf| {
+        self.bvh.ray_traverse(ray(origin, direction, f32::INFINITY), &mut nearest, |ray, leaf| {
             let (t, w) = self.triangles[leaf].intersect(&probe);
             if t > 0.0 && t < ray.tmax && (!MASKED || self.covers(leaf, w)) {
                 weights = w;
@@ -133,17 +148,17 @@ impl<'s> Tracer<'s> {
         });
         (nearest.t < f32::INFINITY).then(|| Hit {
             face: self.faces[nearest.primitive_id as usize],
-            t: nearest.t * self.unit,
+            t: nearest.t,
             u: weights.y,
             v: weights.z,
         })
     }
 
-    #[inline]
+    #[inline(always)]
     fn occluded_of<const MASKED: bool>(&self, origin: Vec3, direction: Vec3, distance: f32) -> bool {
-        let probe = Probe::new(origin, direction, self.unit);
-        let end = distance / self.unit * (1.0 - SHADOW_END);
-        !self.bvh.ray_traverse_miss(self.ray(origin, direction, end), |_, leaf| {
+        let probe = Probe::new(origin, direction);
+        let end = distance * (1.0 - SHADOW_END);
+        !self.bvh.ray_traverse_miss(ray(origin, direction, end), |_, leaf| {
             let (t, w) = self.triangles[leaf].intersect(&probe);
             if t > 0.0 && t < end && (!MASKED || self.covers(leaf, w)) { t } else { f32::INFINITY }
         })
@@ -167,16 +182,15 @@ impl<'s> Tracer<'s> {
         }
         alpha >= cutoff
     }
+}
 
-    /// The ray as the box tests want it.
-    fn ray(&self, origin: Vec3, direction: Vec3, tmax: f32) -> Ray {
-        let direction = Vec3A::from(direction);
-        // A finite inverse keeps 0 · ∞ out of the box test, which takes the sides of a box by the sign of
-        // the direction: −0 must not count as positive there and invert to a negative number.
-        let direction = direction.abs().max(Vec3A::splat(SMALLEST_COMPONENT)).copysign(direction);
-        let inv_direction = (direction * self.unit).recip();
-        Ray { origin: origin.into(), direction, inv_direction, tmin: 0.0, tmax }
-    }
+/// The ray as the box tests want it.
+#[inline(always)]
+fn ray(origin: Vec3, direction: Vec3, tmax: f32) -> Ray {
+    let direction = Vec3A::from(direction);
+    // A finite inverse keeps 0 · ∞ out of the box test.
+    let invertible = direction.abs().max(Vec3A::splat(SMALLEST_COMPONENT)).copysign(direction);
+    Ray { origin: origin.into(), direction, inv_direction: invertible.recip(), tmin: 0.0, tmax }
 }
 
 /// A triangle's corners, one coordinate axis a vector, so that its three edges are tested side by side.
@@ -192,21 +206,27 @@ struct Probe {
     axes: [usize; 3],
     origin: [Vec3A; 3],
     shear: [Vec3A; 2],
-    /// Ray parameter for a distance of 1 along the third axis.
+    /// Distance along the ray for a distance of 1 along the third axis.
     scale: f32,
 }
 
 impl Probe {
     #[inline(always)]
-    fn new(origin: Vec3, direction: Vec3, unit: f32) -> Self {
-        let longest = direction.abs().max_position();
-        let axes = [(longest + 1) % 3, (longest + 2) % 3, longest];
-        let inverse = direction[longest].recip();
+    fn new(origin: Vec3, direction: Vec3) -> Self {
+        let size = direction.abs();
+        let (axes, origin, direction) = if size.z >= size.x && size.z >= size.y {
+            ([0, 1, 2], origin, direction)
+        } else if size.y >= size.x {
+            ([2, 0, 1], origin.zxy(), direction.zxy())
+        } else {
+            ([1, 2, 0], origin.yzx(), direction.yzx())
+        };
+        let inverse = direction.z.recip();
         Self {
             axes,
-            origin: axes.map(|axis| Vec3A::splat(origin[axis])),
-            shear: [Vec3A::splat(direction[axes[0]] * inverse), Vec3A::splat(direction[axes[1]] * inverse)],
-            scale: inverse / unit,
+            origin: origin.to_array().map(Vec3A::splat),
+            shear: [Vec3A::splat(direction.x * inverse), Vec3A::splat(direction.y * inverse)],
+            scale: inverse,
         }
     }
 }
@@ -216,7 +236,7 @@ impl Triangle {
         Self { axes: std::array::from_fn(|axis| Vec3A::new(a[axis], b[axis], c[axis])) }
     }
 
-    /// The ray parameter and the barycentric weights of the hit; infinity or NaN for a miss.
+    /// The distance and the barycentric weights of the hit; infinity or NaN for a miss.
     ///
     /// A corner is sheared to the same two numbers in every triangle that has it, and the sign of an edge's
     /// function x·y' − y·x' is never wrong, only ever 0, which counts as inside on both sides: no ray

@@ -2,10 +2,9 @@
 
 use glam::Vec3;
 
-use super::{Settings, Surface};
+use super::{Appearance, Settings, Surface};
 use crate::constants::REFLECTION_LIFT;
 use crate::scene::{Material, Volume};
-use crate::trace::Appearance;
 
 /// The unit direction `d` mirrored at the unit normal `n`, lifted above the facet with normal `ng`.
 ///
@@ -127,7 +126,8 @@ pub fn branches(
             }
         };
         reflected += Vec3::splat(glass * reflectance);
-        refraction = through.map(|through| Branch {
+        // An interpolated normal that turns away from the ray reflects all of it.
+        refraction = through.filter(|_| reflectance < 1.0).map(|through| Branch {
             kind: BranchKind::Refract,
             start: surface.position,
             origin: surface.behind(),

@@ -9,8 +9,8 @@ use glam::{Vec2, Vec3, Vec4};
 use super::optics::{self, BranchKind};
 use super::shade::{self, Local};
 use super::{Appearance, Rays, Settings, Surface, Tracer};
-use crate::scene::patch::{ENVIRONMENT, TargetId, Targets};
 use crate::scene::View;
+use crate::scene::patch::{ENVIRONMENT, TargetId, Targets};
 
 /// What every sample is traced with.
 #[derive(Clone, Copy)]
@@ -140,19 +140,14 @@ pub fn trace_surface(
     };
     if surface.vt {
         let material = &scene.materials[surface.material as usize];
-        for branch in
-            optics::branches(context.settings, material, &appearance, surface, direction).into_iter().flatten()
+        for branch in optics::branches(context.settings, material, &appearance, surface, direction)
+            .into_iter()
+            .flatten()
         {
             primary.attenuation[slot(branch.kind)] = branch.attenuation;
         }
-        let start = Path {
-            identity: 0,
-            first: None,
-            bounces: 0,
-            throughput: Vec3::ONE,
-            from_eye,
-            after: 0.0,
-        };
+        let start =
+            Path { identity: 0, first: None, bounces: 0, throughput: Vec3::ONE, from_eye, after: 0.0 };
         Walk { context, nodes, rays }.branch(surface, &appearance, direction, start);
     }
     primary
@@ -166,7 +161,13 @@ pub fn slot(kind: BranchKind) -> usize {
     }
 }
 
-fn lights(context: &Context, surface: &Surface, appearance: &Appearance, bounces: u32, rays: &mut Rays) -> u32 {
+fn lights(
+    context: &Context,
+    surface: &Surface,
+    appearance: &Appearance,
+    bounces: u32,
+    rays: &mut Rays,
+) -> u32 {
     if context.settings.shadows.apply(surface.vt, bounces) {
         shade::visible_lights(context.tracer, surface, appearance, rays)
     } else {
@@ -250,8 +251,7 @@ impl Walk<'_, '_> {
         path.throughput *= branch.transmittance(Some(surface.position));
         let appearance = Appearance::new(scene, &surface);
         node.target = self.context.targets.of(hit.face);
-        node.lit =
-            lights(self.context, &surface, &appearance, u32::from(path.bounces), self.rays);
+        node.lit = lights(self.context, &surface, &appearance, u32::from(path.bounces), self.rays);
         node.local = shade::local(scene, &surface, &appearance, branch.direction, node.lit);
         node.texel = appearance.base_texel;
         node.throughput = path.throughput;
@@ -281,7 +281,8 @@ impl Walk<'_, '_> {
 
 /// Folds `value` into a path's identity (the finaliser of MurmurHash3 over the sum).
 fn mix(identity: u32, value: u32) -> u32 {
-    let mut h = identity.rotate_left(13).wrapping_mul(5).wrapping_add(0xe654_6b64) ^ value.wrapping_mul(0xcc9e_2d51);
+    let mut h =
+        identity.rotate_left(13).wrapping_mul(5).wrapping_add(0xe654_6b64) ^ value.wrapping_mul(0xcc9e_2d51);
     h ^= h >> 16;
     h = h.wrapping_mul(0x85eb_ca6b);
     h ^= h >> 13;

@@ -34,22 +34,26 @@ pub fn lookup(scene: &Scene, slot: &TextureSlot, uv: Vec2) -> Vec4 {
     let (width, height) = (image.width, image.height);
     let decoded = &*DECODED;
     let color = if texture.srgb { &decoded.srgb } else { &decoded.linear };
+    // In f64 for the sake of speed as well: pairs of f32 would share a register with two stray lanes, and
+    // a denormal number among those costs more than the whole lookup.
+    let (x, y) = (f64::from(uv.x) * f64::from(width), f64::from(uv.y) * f64::from(height));
     if sampler.mag == Filter::Nearest {
-        let x = wrap(sampler.wrap_u, (uv.x * width as f32).floor(), width);
-        let y = wrap(sampler.wrap_v, (uv.y * height as f32).floor(), height);
-        return texel(image, color, x, y);
+        return texel(
+            image,
+            color,
+            wrap(sampler.wrap_u, x.floor(), width),
+            wrap(sampler.wrap_v, y.floor(), height),
+        );
     }
-    let at = uv * Vec2::new(width as f32, height as f32) - 0.5;
-    let low = at.floor();
-    let (x0, x1) = (wrap(sampler.wrap_u, low.x, width), wrap(sampler.wrap_u, low.x + 1.0, width));
-    let (y0, y1) = (wrap(sampler.wrap_v, low.y, height), wrap(sampler.wrap_v, low.y + 1.0, height));
+    let ([x0, x1], s) = neighbours(sampler.wrap_u, x, width);
+    let ([y0, y1], t) = neighbours(sampler.wrap_v, y, height);
     let corners = [
         texel(image, color, x0, y0),
         texel(image, color, x1, y0),
         texel(image, color, x0, y1),
         texel(image, color, x1, y1),
     ];
-    bilinear(at - low, corners)
+    bilinear(corners, s, t)
 }
 
 #[inline]
@@ -70,30 +74,27 @@ pub fn environment(panorama: &Environment, direction: Vec3) -> Vec3 {
     // The image's centre is −z, +x lies to its right, +y at its top.
     let u = 0.5 + direction.x.atan2(-direction.z) / TAU;
     let v = direction.y.clamp(-1.0, 1.0).acos() / PI;
-    let at = Vec2::new(u * width as f32, v * height as f32) - 0.5;
-    let low = at.floor();
-    let texel = |x: f32, y: f32| {
-        let (x, y) = (wrap(Wrap::Repeat, x, width), wrap(Wrap::Clamp, y, height));
-        panorama.radiance[y as usize * width as usize + x as usize].extend(0.0)
-    };
-    let corners = [
-        texel(low.x, low.y),
-        texel(low.x + 1.0, low.y),
-        texel(low.x, low.y + 1.0),
-        texel(low.x + 1.0, low.y + 1.0),
-    ];
-    bilinear(at - low, corners).truncate()
+    let ([x0, x1], s) = neighbours(Wrap::Repeat, f64::from(u) * f64::from(width), width);
+    let ([y0, y1], t) = neighbours(Wrap::Clamp, f64::from(v) * f64::from(height), height);
+    let texel = |x: u32, y: u32| panorama.radiance[y as usize * width as usize + x as usize].extend(0.0);
+    bilinear([texel(x0, y0), texel(x1, y0), texel(x0, y1), texel(x1, y1)], s, t).truncate()
 }
 
 #[inline]
-fn bilinear(part: Vec2, [a, b, c, d]: [Vec4; 4]) -> Vec4 {
-    let (s, t) = (part.x, part.y);
+fn bilinear([a, b, c, d]: [Vec4; 4], s: f32, t: f32) -> Vec4 {
     a * ((1.0 - s) * (1.0 - t)) + b * (s * (1.0 - t)) + c * ((1.0 - s) * t) + d * (s * t)
+}
+
+/// The two texels whose centres enclose `at`, and the weight of the second.
+#[inline]
+fn neighbours(mode: Wrap, at: f64, size: u32) -> ([u32; 2], f32) {
+    let low = (at - 0.5).floor();
+    ([wrap(mode, low, size), wrap(mode, low + 1.0, size)], (at - 0.5 - low) as f32)
 }
 
 /// The texel among `size` that the whole number `at` stands for.
 #[inline]
-fn wrap(mode: Wrap, at: f32, size: u32) -> u32 {
+fn wrap(mode: Wrap, at: f64, size: u32) -> u32 {
     // Casts saturate and turn NaN into 0: broken coordinates read some texel, never none.
     let (at, size) = (at as i64, i64::from(size));
     if (0..size).contains(&at) {
@@ -116,10 +117,10 @@ mod tests {
 
     #[test]
     fn wraps_both_ways() {
-        let row = |mode| (-3..6).map(|at| wrap(mode, at as f32, 3)).collect::<Vec<_>>();
+        let row = |mode| (-3..6).map(|at| wrap(mode, f64::from(at), 3)).collect::<Vec<_>>();
         assert_eq!(row(Wrap::Clamp), [0, 0, 0, 0, 1, 2, 2, 2, 2]);
         assert_eq!(row(Wrap::Repeat), [0, 1, 2, 0, 1, 2, 0, 1, 2]);
         assert_eq!(row(Wrap::Mirror), [2, 1, 0, 0, 1, 2, 2, 1, 0]);
-        assert!(wrap(Wrap::Mirror, f32::NAN, 3) < 3 && wrap(Wrap::Repeat, f32::INFINITY, 3) < 3);
+        assert!(wrap(Wrap::Mirror, f64::NAN, 3) < 3 && wrap(Wrap::Repeat, f64::INFINITY, 3) < 3);
     }
 }

@@ -21,31 +21,33 @@ impl Painter {
     /// # Errors
     /// No device memory left; a lost device.
     pub fn draw_base(&mut self, block: &FrameBlock) -> Result<CodedImage<'_>> {
-        self.make_target(block.width(), block.height())?;
-        let opaque: Vec<_> =
-            (0..self.base_draws.len()).filter(|&draw| !self.base_draws[draw].blended).collect();
-        let keys: Vec<_> = opaque.iter().map(|&draw| self.base_key(&self.base_draws[draw])).collect();
-        for &key in &keys {
+        self.make_target(block.width, block.height)?;
+        let opaque: Vec<_> = self.base_draws.iter().filter(|draw| !draw.blended).cloned().collect();
+        let keys: Vec<_> = opaque.iter().map(|draw| self.base_key(draw)).collect();
+        for (draw, &key) in opaque.iter().zip(&keys) {
             self.pipeline(key)?;
+            self.array_set([draw.array, 0, 0])?;
         }
         let started = Instant::now();
         self.uploads.write(&self.frame, 0, std::slice::from_ref(block))?;
-        let Self { commands, uploads, target, pipelines, scene_set, base, base_draws, .. } = self;
+        let Self { commands, uploads, target, pipelines, scene_set, base, array_sets, .. } = self;
         let target = target.as_mut().expect("made above");
         let mut recording = commands.begin()?;
         uploads.record(&mut recording);
         recording.timed("base image", |recording| {
             target.render(recording, true, |commands| {
-                for (draw, key) in opaque.into_iter().zip(&keys) {
-                    record_base(commands, &pipelines[key], scene_set, base, &base_draws[draw]);
+                for (draw, key) in opaque.iter().zip(&keys) {
+                    let arrays = &array_sets[&[draw.array, 0, 0]];
+                    record_base(commands, &pipelines[key], [scene_set, &base.set, arrays], draw);
                 }
             });
         });
         recording.timed("copy", |recording| recording.read_image(&target.color, &mut target.staging));
         recording.submit_and_wait()?;
+        self.base_is_fresh = true;
         let memory = target.staging.memory();
         let drawn = started.elapsed();
-        let pixels = target.staging.read((block.width() * block.height()) as usize)?;
+        let pixels = target.staging.read((block.width * block.height) as usize)?;
         let until_read = started.elapsed();
         let map = until_read - drawn;
         Ok(CodedImage { pixels, timings: self.commands.timings()?, until_read, map, memory })

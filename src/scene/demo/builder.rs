@@ -61,9 +61,10 @@ impl SceneBuilder {
         Self { scene, problem: None }
     }
 
-    /// Takes in an sRGB colour image, repeated and filtered trilinearly.
+    /// Takes in an sRGB colour image, repeated and filtered bilinearly without mip levels: as the reference
+    /// tracer filters, so that a picture's error is the method's alone.
     pub fn texture(&mut self, image: Image) -> TextureSlot {
-        self.sampled_texture(image, Sampler::default(), true)
+        self.sampled_texture(image, Sampler { mip: None, ..Sampler::default() }, true)
     }
 
     /// Takes in an image with its sampler; `srgb` as in [`Texture::srgb`].

@@ -6,7 +6,7 @@ use std::path::Path;
 use std::sync::Arc;
 
 use gltf::json::{Image as Source, Root};
-use image::{ColorType, DynamicImage, ImageDecoder, ImageFormat, ImageReader};
+use image::{DynamicImage, ImageDecoder, ImageFormat, ImageReader};
 
 use super::Limits;
 use super::buffers::Buffers;
@@ -31,47 +31,73 @@ pub fn load(
     limits: &Limits,
 ) -> Result<Vec<Image>> {
     check_unused(root, used, buffers, resolver, file)?;
-    let mut spent = 0_u64;
-    let mut encoded_left = limits.max_file_bytes;
-    let mut images = Vec::with_capacity(used.len());
+    let refuse =
+        |index: usize| move |problem: String| Error::scene(file, format!("images[{index}]"), problem);
+    // All headers before the first decoding, so that a file over the budget is refused at once.
+    let (mut decoded, mut encoded_left) = (0_u64, limits.max_file_bytes);
+    let mut sources = Vec::with_capacity(used.len());
     for &index in used {
-        let source = &root.images[index];
-        let refuse = |problem: String| Error::scene(file, format!("images[{index}]"), problem);
-        let bytes = encoded(root, source, buffers, resolver).map_err(refuse)?;
+        let bytes = encoded(root, &root.images[index], buffers, resolver).map_err(refuse(index))?;
         // Images may lie over the same bytes, which some decoders read to the end every time.
         encoded_left = encoded_left
             .checked_sub(bytes.len() as u64)
-            .ok_or_else(|| refuse("too many bytes of encoded images in all; share images".into()))?;
-        let (width, height, rgba) =
-            decode(&bytes, limits.max_texture_bytes.saturating_sub(spent)).map_err(refuse)?;
-        spent += rgba.len() as u64;
-        images.push(Image { name: name(source, index), width, height, rgba });
+            .ok_or_else(|| refuse(index)("too many bytes of encoded images in all; share images".into()))?;
+        let budget = limits.max_texture_bytes.saturating_sub(decoded);
+        decoded += Cost::of(&bytes).and_then(|cost| cost.within(budget)).map_err(refuse(index))?.rgba;
+        sources.push((index, bytes));
     }
-    Ok(images)
+    sources
+        .into_iter()
+        .map(|(index, bytes)| {
+            let (width, height, rgba) = decode(&bytes).map_err(refuse(index))?;
+            Ok(Image { name: name(&root.images[index], index), width, height, rgba })
+        })
+        .collect()
 }
 
-/// Width, height and RGBA8 texels of an encoded image, if it and its decoding fit into `budget` bytes.
-fn decode(bytes: &[u8], budget: u64) -> std::result::Result<(u32, u32, Arc<[u8]>), String> {
+/// What an image costs to decode, from its header.
+struct Cost {
+    width: u32,
+    height: u32,
+    /// Bytes of its RGBA8 form.
+    rgba: u64,
+    /// Bytes of the form that it is decoded to first.
+    raw: u64,
+}
+
+impl Cost {
+    fn of(bytes: &[u8]) -> std::result::Result<Self, String> {
+        let decoder = open(bytes)?;
+        let (width, height) = decoder.dimensions();
+        if width == 0 || height == 0 || width > MAX_SIDE || height > MAX_SIDE {
+            return Err(format!("{width} × {height} texels; sides of 1 to {MAX_SIDE} are supported"));
+        }
+        let rgba = 4 * u64::from(width) * u64::from(height);
+        Ok(Self { width, height, rgba, raw: decoder.total_bytes() })
+    }
+
+    fn within(self, budget: u64) -> std::result::Result<Self, String> {
+        // The decoded texels, their RGBA8 form and the shared copy: never more than two of them at a time.
+        let peak = self.rgba + self.rgba.max(self.raw);
+        if peak <= budget {
+            return Ok(self);
+        }
+        Err(format!(
+            "{} × {} texels take {peak} bytes to decode, but the texture budget has {budget} left; \
+             shrink the image or raise --max-texture-bytes N",
+            self.width, self.height
+        ))
+    }
+}
+
+/// Width, height and RGBA8 texels of an encoded image whose cost is known to be bearable.
+fn decode(bytes: &[u8]) -> std::result::Result<(u32, u32, Arc<[u8]>), String> {
     let mut decoder = open(bytes)?;
-    let (width, height) = decoder.dimensions();
-    if width == 0 || height == 0 || width > MAX_SIDE || height > MAX_SIDE {
-        return Err(format!("{width} × {height} texels; sides of 1 to {MAX_SIDE} are supported"));
-    }
-    let rgba = 4 * u64::from(width) * u64::from(height);
-    let raw = if decoder.color_type() == ColorType::Rgba8 { rgba } else { decoder.total_bytes() };
-    // The decoded texels, their RGBA8 form and the shared copy: never more than two of them at a time.
-    let peak = rgba + rgba.max(raw);
-    if peak > budget {
-        return Err(format!(
-            "{width} × {height} texels take {peak} bytes to decode, but the texture budget has {budget} left; \
-             shrink the image or raise --max-texture-bytes N"
-        ));
-    }
     let mut caps = image::Limits::no_limits();
-    caps.max_alloc = Some(raw + (64 << 20));
+    caps.max_alloc = Some(decoder.total_bytes() + (64 << 20));
     decoder.set_limits(caps).map_err(one_line)?;
-    let decoded = DynamicImage::from_decoder(decoder).map_err(one_line)?;
-    Ok((width, height, decoded.into_rgba8().into_raw().into()))
+    let rgba = DynamicImage::from_decoder(decoder).map_err(one_line)?.into_rgba8();
+    Ok((rgba.width(), rgba.height(), rgba.into_raw().into()))
 }
 
 /// Every image must be there and have the header of one, used or not, unless only an extension knows it.
@@ -144,20 +170,22 @@ mod tests {
     #[test]
     fn grey_and_deep_images_become_rgba8() {
         let grey = png(&DynamicImage::ImageLuma8(image::GrayImage::from_pixel(2, 1, image::Luma([77]))));
-        assert_eq!(&*decode(&grey, 1 << 20).unwrap().2, [77, 77, 77, 255, 77, 77, 77, 255]);
+        assert_eq!(&*decode(&grey).unwrap().2, [77, 77, 77, 255, 77, 77, 77, 255]);
         let deep = image::ImageBuffer::from_pixel(1, 1, image::Rgba([65535_u16, 32896, 257, 0]));
         let deep = png(&DynamicImage::ImageRgba16(deep));
-        assert_eq!(&*decode(&deep, 1 << 20).unwrap().2, [255, 128, 1, 0]);
+        assert_eq!(&*decode(&deep).unwrap().2, [255, 128, 1, 0]);
     }
 
     #[test]
     fn the_budget_is_checked_from_the_header() {
         let mut bomb = png(&DynamicImage::new_luma8(8, 8));
-        // 16384 × 16384 in the header, no data to match: must fail on the budget, not in the decoder.
+        // 16384 × 16384 in the header, no data to match: the cost is known without decoding.
         bomb[16..24].copy_from_slice(&[0, 0, 64, 0, 0, 0, 64, 0]);
         let crc = crc32(&bomb[12..29]);
         bomb[29..33].copy_from_slice(&crc.to_be_bytes());
-        assert!(decode(&bomb, 1 << 30).unwrap_err().contains("--max-texture-bytes"));
+        let cost = Cost::of(&bomb).unwrap();
+        assert_eq!((cost.rgba, cost.raw), (1 << 30, 1 << 28));
+        assert!(cost.within((1 << 31) - 1).is_err_and(|problem| problem.contains("--max-texture-bytes")));
     }
 
     fn crc32(bytes: &[u8]) -> u32 {

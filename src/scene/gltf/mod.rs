@@ -5,8 +5,8 @@
 //! wrong component type, recurse along node cycles and open absolute paths). What is broken where it
 //! matters is refused by name; what is harmless is repaired and noted in [`Scene::notes`].
 //!
-//! The order: [`container`] bytes → [`document`] JSON → [`validate`] references → [`buffers`] →
-//! [`nodes`] world transforms → [`materials`] in use → [`mesh`] faces → [`images`] in use.
+//! The order is that of [`load_slice`]'s body: bytes, JSON, references, buffers, world transforms,
+//! materials in use, faces, images in use.
 
 mod accessor;
 mod buffers;

@@ -58,11 +58,11 @@ fn chosen_scene(
     notes: &Notes,
 ) -> Result<Option<usize>> {
     let scenes = &document.root.scenes;
-    if let Some(scene) = wanted {
-        if scene >= scenes.len() {
-            let problem = format!("scene {scene} was asked for, but there are {}", scenes.len());
-            return Err(Error::scene(file, "scenes", problem));
-        }
+    if let Some(scene) = wanted
+        && scene >= scenes.len()
+    {
+        let problem = format!("scene {scene} was asked for, but there are {}", scenes.len());
+        return Err(Error::scene(file, "scenes", problem));
     }
     if scenes.is_empty() {
         notes.add("scenes", || "the file has no scene: all of its nodes are drawn".into());

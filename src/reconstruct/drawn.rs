@@ -1,0 +1,78 @@
+//! What a frame draws of leaves, whichever way they are reconstructed.
+
+use super::leaves::{GpuLeaf, GpuVertex, Group, Leaves};
+use super::paper::{PaperLeaf, PaperLeaves, PaperVertex};
+use crate::options::Reconstruction;
+
+/// The assembled leaves of a frame.
+#[derive(Debug)]
+pub enum Drawn {
+    /// Paths intersected per fragment (design §5).
+    Exact(Leaves),
+    /// Coordinates and colours interpolated (paper §4).
+    Paper(PaperLeaves),
+}
+
+impl Drawn {
+    /// One blank leaf at one blank vertex: something to draw with every pipeline.
+    pub fn blank(reconstruction: Reconstruction) -> Self {
+        use bytemuck::Zeroable;
+        match reconstruction {
+            Reconstruction::Exact => Self::Exact(Leaves {
+                vertices: vec![GpuVertex::zeroed()],
+                leaves: vec![GpuLeaf::zeroed()],
+                ..Leaves::default()
+            }),
+            Reconstruction::Paper => Self::Paper(PaperLeaves {
+                vertices: vec![PaperVertex::zeroed()],
+                leaves: vec![PaperLeaf::zeroed()],
+                ..PaperLeaves::default()
+            }),
+        }
+    }
+
+    /// Vertices, leaf records and node table as the shaders read them.
+    pub fn buffers(&self) -> [&[u8]; 3] {
+        use bytemuck::cast_slice;
+        match self {
+            Self::Exact(leaves) => {
+                [cast_slice(&leaves.vertices), cast_slice(&leaves.leaves), cast_slice(&leaves.nodes)]
+            }
+            Self::Paper(leaves) => [cast_slice(&leaves.vertices), cast_slice(&leaves.leaves), &[]],
+        }
+    }
+
+    /// The groups in the order of the records, with the number of leaves of each.
+    pub fn groups(&self) -> &[(Group, u32)] {
+        match self {
+            Self::Exact(leaves) => &leaves.groups,
+            Self::Paper(leaves) => &leaves.groups,
+        }
+    }
+
+    /// Number of leaves.
+    pub fn len(&self) -> u64 {
+        self.groups().iter().map(|&(_, count)| u64::from(count)).sum()
+    }
+
+    /// Whether nothing is drawn.
+    pub fn is_empty(&self) -> bool {
+        self.len() == 0
+    }
+
+    /// Defined and undefined leaves of specular objects.
+    pub fn defined(&self) -> (u32, u32) {
+        match self {
+            Self::Exact(leaves) => (leaves.defined, leaves.undefined),
+            Self::Paper(leaves) => (leaves.defined, leaves.undefined),
+        }
+    }
+
+    /// Components of Eq. 3 that are not zero everywhere, as bits of `COMPONENT_…`.
+    pub fn components(&self) -> u32 {
+        match self {
+            Self::Exact(leaves) => leaves.components(),
+            Self::Paper(leaves) => leaves.components(),
+        }
+    }
+}

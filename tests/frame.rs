@@ -1,0 +1,278 @@
+//! Whole frames on the device against closed forms, against the reference tracer, and against a golden image.
+
+use std::{path::Path, sync::Arc};
+
+use glam::{Vec2, Vec3, Vec4, vec3};
+use vertex_tracing::{
+    frame::{Frame, Renderer},
+    gpu::{self, Gpu, Messages},
+    options::{Options, Shadows},
+    report::{
+        FloatImage,
+        metrics::{Encoding, compare},
+        output::write_image,
+    },
+    scene::{
+        Camera, Image, Material, Sampler, Scene, View, Wrap,
+        demo::{Demo, SceneBuilder, matte, shape},
+    },
+    trace::{Settings, Tracer, reference},
+};
+
+/// A device under validation whose messages are checked at the end.
+struct Bench {
+    gpu: Arc<Gpu>,
+    messages: Arc<Messages>,
+}
+
+impl Bench {
+    fn new() -> Self {
+        let options = gpu::Options { validation: true, ..gpu::Options::default() };
+        let gpu =
+            Gpu::new(&options).unwrap_or_else(|error| panic!("the tests need a Vulkan device: {error}"));
+        Self { messages: gpu.messages(), gpu }
+    }
+
+    fn render(&self, scene: &Scene, options: &Options) -> (Frame, View) {
+        let view = options.view.resolve(scene).unwrap();
+        let mut renderer = Renderer::new(&self.gpu, scene, options).unwrap();
+        renderer.warm_up(&view).unwrap();
+        (renderer.render(&view).unwrap(), view)
+    }
+
+    fn finish(self) {
+        assert_eq!(Arc::strong_count(&self.gpu), 1, "something still holds the device");
+        drop(self.gpu);
+        assert_eq!(self.messages.errors(), Vec::<String>::new());
+    }
+}
+
+fn options(width: u32, height: u32) -> Options {
+    let mut options = Options::default();
+    (options.view.width, options.view.height) = (width, height);
+    options
+}
+
+fn psnr(a: &FloatImage, b: &FloatImage) -> f64 {
+    compare(a, b, None, Encoding::Srgb).unwrap().psnr.unwrap_or(f64::INFINITY)
+}
+
+/// A linear texture whose red and green are its own coordinates.
+fn coordinates() -> Image {
+    const SIZE: u32 = 256;
+    let texel = |i: u32| [(i % SIZE) as u8, (i / SIZE) as u8, 0, 255];
+    let rgba: Vec<u8> = (0..SIZE * SIZE).flat_map(texel).collect();
+    Image { name: "coordinates".into(), width: SIZE, height: SIZE, rgba: rgba.into() }
+}
+
+/// A floor that glows in the colour of its own coordinates, 8 × 8 around the origin, and room to add to it.
+fn glowing_floor(name: &str) -> SceneBuilder {
+    let mut builder = SceneBuilder::new(name);
+    let clamped = Sampler { wrap_u: Wrap::Clamp, wrap_v: Wrap::Clamp, mip: None, ..Sampler::default() };
+    let slot = builder.sampled_texture(coordinates(), clamped, false);
+    let floor = builder.material(Material {
+        name: "coordinates".into(),
+        base_color_texture: Some(slot),
+        unlit: true,
+        ..matte("coordinates")
+    });
+    builder.mesh("floor", shape::plane(vec3(-4.0, 0.0, 4.0), Vec3::X * 8.0, Vec3::NEG_Z * 8.0, 8.0), floor);
+    builder
+}
+
+fn mirror(name: &str) -> Material {
+    Material {
+        name: name.into(),
+        metallic: 1.0,
+        roughness: 0.0,
+        base_color: Vec4::new(0.8, 0.8, 0.8, 1.0),
+        ..matte(name)
+    }
+}
+
+/// Coordinates that the floor shows at a point of it.
+fn floor_uv(point: Vec3) -> Vec2 {
+    Vec2::new((point.x + 4.0) / 8.0, (point.z + 4.0) / 8.0)
+}
+
+/// Coordinates back from a pixel of the glowing floor, dimmed by `factor`. Texel i is i/255 at (i + 0.5)/256.
+fn shown_uv(pixel: [f32; 3], factor: f32) -> Vec2 {
+    Vec2::new(pixel[0] / factor * 255.0 + 0.5, pixel[1] / factor * 255.0 + 0.5) / 256.0
+}
+
+#[test]
+fn lit_plane() {
+    let bench = Bench::new();
+    let mut builder = SceneBuilder::new("lit plane");
+    let grey = builder.material(Material {
+        base_color: Vec4::new(0.5, 0.4, 0.3, 1.0),
+        specular: 0.0,
+        ..matte("grey")
+    });
+    builder.mesh("floor", shape::plane(vec3(-2.0, 0.0, 2.0), Vec3::X * 4.0, Vec3::NEG_Z * 4.0, 4.0), grey);
+    let light = vec3(0.3, 1.5, -0.2);
+    builder.point_light(light, Vec3::splat(10.0));
+    builder.camera(Camera::look_at(vec3(0.0, 2.0, 1.5), Vec3::ZERO, 0.8));
+    let scene = builder.build().unwrap();
+    for shadows in [Shadows::All, Shadows::None] {
+        let mut options = options(64, 48);
+        options.scene.shadows = shadows;
+        let (frame, view) = bench.render(&scene, &options);
+        for (x, y) in [(32, 24), (5, 40), (60, 10), (20, 30)] {
+            let (origin, direction) = view.ray(Vec2::new(x as f32, y as f32) + 0.5);
+            let t = -origin.y / direction.y;
+            let point = origin + direction * t;
+            if point.x.abs() > 1.9 || point.z.abs() > 1.9 {
+                continue;
+            }
+            let to = light - point;
+            let cosine = to.normalize().y;
+            let expected =
+                Vec3::new(0.5, 0.4, 0.3) / std::f32::consts::PI * 10.0 * cosine / to.length_squared();
+            let pixel = Vec3::from(frame.image.pixels[(y * 64 + x) as usize]);
+            assert!(
+                (pixel - expected).abs().max_element() < 2e-3,
+                "{shadows} ({x}, {y}): {pixel} for {expected}"
+            );
+        }
+    }
+    bench.finish();
+}
+
+#[test]
+fn planar_mirror_shows_exact_coordinates() {
+    let bench = Bench::new();
+    let mut builder = glowing_floor("mirror");
+    let metal = builder.material(mirror("metal"));
+    // Upright, facing +z, in two faces.
+    builder.mesh("mirror", shape::plane(vec3(-1.5, 0.2, -1.0), Vec3::X * 3.0, Vec3::Y, 3.0), metal);
+    builder.camera(Camera::look_at(vec3(0.3, 3.0, 3.0), vec3(0.0, 0.7, -1.0), 0.6));
+    let scene = builder.build().unwrap();
+    let mut options = options(160, 120);
+    options.effort.preview = true;
+    let (frame, view) = bench.render(&scene, &options);
+    let (mut checked, mut worst) = (0, 0.0_f32);
+    for y in 0..120 {
+        for x in 0..160 {
+            let (origin, direction) = view.ray(Vec2::new(x as f32, y as f32) + 0.5);
+            let t = (-1.0 - origin.z) / direction.z;
+            let hit = origin + direction * t;
+            if hit.x.abs() > 1.45 || !(0.25..1.15).contains(&hit.y) {
+                continue;
+            }
+            let reflected = direction * vec3(1.0, 1.0, -1.0);
+            let s = -hit.y / reflected.y;
+            let point = hit + reflected * s;
+            // Paths that miss the floor, or that meet its border, have no coordinates to compare.
+            if s <= 0.0 || point.x.abs() > 3.8 || point.z.abs() > 3.8 {
+                continue;
+            }
+            let shown = shown_uv(frame.image.pixels[(y * 160 + x) as usize], 0.8);
+            worst = worst.max((shown - floor_uv(point)).abs().max_element());
+            checked += 1;
+        }
+    }
+    assert!(checked > 2000, "{checked} pixels show the floor in the mirror");
+    // Halves resolve 2^-11 near 1; a texel is 1/256.
+    assert!(worst < 2.5e-3, "coordinates are off by up to {worst}");
+    assert_eq!(frame.stats.steps, 0, "nothing was refined");
+    bench.finish();
+}
+
+#[test]
+fn two_facing_mirrors_show_exact_coordinates() {
+    let bench = Bench::new();
+    let mut builder = glowing_floor("facing mirrors");
+    let metal = builder.material(mirror("metal"));
+    builder.mesh("back", shape::plane(vec3(-3.0, 0.0, -1.0), Vec3::X * 6.0, Vec3::Y * 4.0, 6.0), metal);
+    builder.mesh("front", shape::plane(vec3(3.0, 0.0, 3.0), Vec3::NEG_X * 6.0, Vec3::Y * 4.0, 6.0), metal);
+    builder.camera(Camera::look_at(vec3(0.2, 2.6, 2.5), vec3(0.0, 2.2, -1.0), 0.5));
+    let scene = builder.build().unwrap();
+    let mut options = options(160, 120);
+    options.effort.max_samples = Some(3000);
+    let (frame, view) = bench.render(&scene, &options);
+    let tracer = Tracer::new(&scene);
+    let exact = reference::render(
+        &tracer,
+        &view,
+        &Settings::new(&options.paths, &options.scene),
+        1,
+        None,
+        &Default::default(),
+        &|_| {},
+    )
+    .unwrap();
+    let off = |(a, b): (&[f32; 3], &[f32; 3])| (Vec3::from(*a) - Vec3::from(*b)).abs().max_element();
+    let mut differences: Vec<f32> = frame.image.pixels.iter().zip(&exact.image).map(off).collect();
+    differences.sort_by(f32::total_cmp);
+    let median = differences[differences.len() / 2];
+    let high = differences[differences.len() * 98 / 100];
+    assert!(median < 1e-3 && high < 1e-2, "median {median}, 98th percentile {high}");
+    bench.finish();
+}
+
+#[test]
+fn demos_stand_near_the_reference() {
+    let bench = Bench::new();
+    for (demo, least) in [
+        (Demo::Cup, 44.0),
+        (Demo::Mirror, 46.0),
+        (Demo::MirrorAndWall, 38.0),
+        (Demo::Sphere, 41.0),
+        (Demo::CupAndGlass, 38.5),
+        (Demo::GlassBowl, 39.5),
+        (Demo::PolishedTable, 40.5),
+    ] {
+        let scene = demo.scene();
+        let options = options(320, 256);
+        let (frame, view) = bench.render(&scene, &options);
+        let tracer = Tracer::new(&scene);
+        let settings = Settings::new(&options.paths, &options.scene);
+        let traced =
+            reference::render(&tracer, &view, &settings, 1, None, &Default::default(), &|_| {}).unwrap();
+        let traced = FloatImage { width: 320, height: 256, pixels: traced.image };
+        let psnr = psnr(&frame.image, &traced);
+        println!("{}: {psnr:.2} dB, {} samples", demo.name(), frame.stats.samples);
+        assert!(psnr >= least, "{}: {psnr:.2} dB, {least} wanted", demo.name());
+    }
+    bench.finish();
+}
+
+#[test]
+fn a_frame_repeats_bit_for_bit() {
+    let bench = Bench::new();
+    let scene = Demo::Cup.scene();
+    let options = options(160, 128);
+    let view = options.view.resolve(&scene).unwrap();
+    let mut renderer = Renderer::new(&bench.gpu, &scene, &options).unwrap();
+    let first = renderer.render(&view).unwrap();
+    let second = renderer.render(&view).unwrap();
+    assert_eq!(first.image, second.image);
+    assert_eq!(first.stats.samples, second.stats.samples);
+    drop(renderer);
+    bench.finish();
+}
+
+/// Least PSNR against the golden image: another shader compiler rounds differently, nothing else may differ.
+const GOLDEN_PSNR: f64 = 45.0;
+
+#[test]
+fn golden_cup() {
+    let bench = Bench::new();
+    let scene = Demo::Cup.scene();
+    let mut options = options(96, 72);
+    options.effort.max_samples = Some(3000);
+    let (frame, _) = bench.render(&scene, &options);
+    let golden = Path::new(env!("CARGO_MANIFEST_DIR")).join("tests/golden/cup.png");
+    if std::env::var_os("VTRACE_BLESS").is_some() {
+        write_image(&golden, &frame.image, 0.0).unwrap();
+    }
+    let expected = FloatImage::read(&golden).unwrap();
+    let psnr = psnr(&frame.image, &expected);
+    if psnr < GOLDEN_PSNR {
+        let actual = golden.with_file_name("cup_actual.png");
+        write_image(&actual, &frame.image, 0.0).unwrap();
+        panic!("{psnr:.1} dB from the golden image; see {} (VTRACE_BLESS=1 accepts it)", actual.display());
+    }
+    bench.finish();
+}

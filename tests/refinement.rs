@@ -1,0 +1,155 @@
+//! Refinement without a device: invariants of the mesh, independence of the number of threads.
+
+use glam::Vec2;
+use proptest::prelude::*;
+use vertex_tracing::{
+    options::{EffortOptions, Reconstruction},
+    refine::{Refiner, mesh::Mesh, pixels::Shown, predict::Predictor},
+    scene::{Camera, Scene, View, demo::Demo, patch::Targets, structure::Structure, topology::Topology},
+    trace::{Settings, Tracer, sample::Context},
+    visibility::IdImage,
+};
+
+fn view(scene: &Scene) -> View {
+    View::new(&scene.cameras[0], 160, 128, scene.bounds())
+}
+
+/// The ID buffer by ray casting.
+fn ids(tracer: &Tracer, view: &View) -> Vec<u32> {
+    let pixel = |i: usize| {
+        let centre = Vec2::new((i as u32 % view.width) as f32, (i as u32 / view.width) as f32) + 0.5;
+        let (origin, direction) = view.ray(centre);
+        tracer.closest(origin, direction).map_or(0, |hit| hit.face + 1)
+    };
+    (0..view.pixels()).map(pixel).collect()
+}
+
+fn seeds(ids: &[u32]) -> Vec<u32> {
+    let mut faces: Vec<u32> = ids.iter().filter_map(|id| id.checked_sub(1)).collect();
+    faces.sort_unstable();
+    faces.dedup();
+    faces
+}
+
+proptest! {
+    #![proptest_config(ProptestConfig::with_cases(24))]
+
+    /// Whatever is bisected in whatever order, the mesh stays conforming and halves fill their faces.
+    #[test]
+    fn bisection_conforms(demo in 0..Demo::ALL.len(), picks in prop::collection::vec(any::<u32>(), 1..200)) {
+        let scene = Demo::ALL[demo].scene();
+        let tracer = Tracer::new(&scene);
+        let view = view(&scene);
+        let topology = Topology::new(&scene.geometry);
+        let mut mesh = Mesh::new(&scene, &topology, &view, &seeds(&ids(&tracer, &view)));
+        for pick in picks {
+            let face = pick % mesh.faces.len() as u32;
+            let was_leaf = mesh.faces[face as usize].is_leaf();
+            let mut splits = Vec::new();
+            mesh.bisect(face, &mut splits);
+            prop_assert_eq!(was_leaf, !splits.is_empty());
+        }
+        mesh.validate();
+    }
+}
+
+#[test]
+fn every_point_of_a_face_has_its_leaf() {
+    let scene = Demo::Cup.scene();
+    let tracer = Tracer::new(&scene);
+    let view = view(&scene);
+    let topology = Topology::new(&scene.geometry);
+    let ids = ids(&tracer, &view);
+    let mut mesh = Mesh::new(&scene, &topology, &view, &seeds(&ids));
+    for face in 0..2000 {
+        mesh.bisect(face % mesh.faces.len() as u32, &mut Vec::new());
+    }
+    let mut strays = 0;
+    for (index, id) in ids.iter().enumerate() {
+        let Some(base) = id.checked_sub(1) else { continue };
+        let centre = Vec2::new((index as u32 % view.width) as f32, (index as u32 / view.width) as f32) + 0.5;
+        let (_, direction) = view.ray(centre);
+        let leaf = mesh.leaf_at(base, direction).expect("a seeded face has leaves");
+        assert!(mesh.faces[leaf as usize].is_leaf());
+        let corners = mesh.faces[leaf as usize].corners.map(|v| view.project(mesh.position(v)).unwrap().0);
+        let side = |a: Vec2, b: Vec2| (b - a).perp_dot(centre - a);
+        let [a, b, c] = corners;
+        let signs = [side(a, b), side(b, c), side(c, a)];
+        let slack = 1e-2 * (b - a).length().max((c - a).length());
+        strays += u32::from(!(signs.iter().all(|&s| s >= -slack) || signs.iter().all(|&s| s <= slack)));
+    }
+    assert_eq!(strays, 0, "pixels outside of the leaf that was found for them");
+}
+
+/// Positions of all vertices and the leaves, after refining on `threads` threads.
+fn refined(threads: usize) -> (Vec<glam::Vec3>, Vec<[u32; 3]>, u64) {
+    let pool = rayon::ThreadPoolBuilder::new().num_threads(threads).build().unwrap();
+    pool.install(|| {
+        let scene = Demo::CupAndGlass.scene();
+        let tracer = Tracer::new(&scene);
+        let view = view(&scene);
+        let topology = Topology::new(&scene.geometry);
+        let targets = Targets::new(&scene, &topology);
+        let structures = Structure::all(&scene);
+        let ids = ids(&tracer, &view);
+        let settings = Settings::default();
+        let context = Context { tracer: &tracer, targets: &targets, settings: &settings, view: &view };
+        let predictor = Predictor {
+            targets: &targets,
+            structures: &structures,
+            scene: &scene,
+            view: &view,
+            reconstruction: Reconstruction::Exact,
+        };
+        let mesh = Mesh::new(&scene, &topology, &view, &seeds(&ids));
+        let image = IdImage { width: view.width, height: view.height, pixels: &ids };
+        let mut refiner = Refiner::new(&context, &predictor, mesh, Shown::Image(image));
+        let effort = EffortOptions { max_samples: Some(4000), ..EffortOptions::default() };
+        refiner.run(&effort, std::time::Instant::now(), |_| Ok::<_, ()>(())).unwrap();
+        let mesh = &refiner.mesh;
+        mesh.validate();
+        let leaves = mesh.leaves().map(|face| mesh.faces[face as usize].corners).collect();
+        (mesh.points.clone(), leaves, refiner.samples.rays.total())
+    })
+}
+
+#[test]
+fn refinement_does_not_depend_on_threads() {
+    let one = refined(1);
+    assert!(one.1.len() > 3000, "refinement took place");
+    assert_eq!(one, refined(2));
+    assert_eq!(one, refined(7));
+}
+
+#[test]
+fn one_midpoint_for_both_sides_of_a_seam() {
+    // The cylinder-like cup body has faces that share positions; a quad of two faces with different normals
+    // shares an edge by position alone.
+    use vertex_tracing::scene::demo::{SceneBuilder, matte, shape};
+    let mut builder = SceneBuilder::new("seam");
+    let material = builder.material(matte("white"));
+    let left = shape::plane(glam::vec3(-1.0, 0.0, 0.0), glam::Vec3::X, glam::Vec3::Y, 1.0);
+    let mut right = shape::plane(glam::vec3(0.0, 0.0, 0.0), glam::Vec3::X, glam::Vec3::Y, 1.0);
+    right.normals.iter_mut().for_each(|n| *n = glam::vec3(0.6, 0.0, 0.8));
+    builder.mesh("both", left.merged(&right), material);
+    builder.camera(Camera::look_at(glam::vec3(0.0, 0.5, 3.0), glam::vec3(0.0, 0.5, 0.0), 0.7));
+    let scene = builder.build().unwrap();
+    let topology = Topology::new(&scene.geometry);
+    let view = view(&scene);
+    let mut mesh = Mesh::new(&scene, &topology, &view, &[0, 1, 2, 3]);
+    let points = mesh.points.len();
+    assert_eq!((points, mesh.vertices.len()), (6, 8), "the seam's two points have two vertices each");
+    for round in 0..6 {
+        for face in 0..mesh.faces.len() as u32 {
+            mesh.bisect(face, &mut Vec::new());
+        }
+        mesh.validate();
+        assert!(mesh.points.len() > points, "round {round} made new points");
+    }
+    let on_seam: Vec<u32> =
+        (0..mesh.points.len() as u32).filter(|&p| mesh.points[p as usize].x == 0.0).collect();
+    for point in on_seam {
+        let sides = mesh.vertices.iter().filter(|vertex| vertex.point == point).count();
+        assert_eq!(sides, 2, "a point of the seam has a vertex for each side");
+    }
+}
