@@ -352,8 +352,7 @@ impl Job<'_> {
         let refined = ms(time);
 
         let time = Instant::now();
-        let (traced_pixels, pixel_rays) =
-            pixels::trace(&context, &refiner.mesh, shown, &refiner.pixel_faces);
+        let (traced_pixels, pixel_rays) = pixels::trace(&context, &refiner.mesh, shown, &refiner.pixel_faces);
         let pixels_ms = ms(time);
         stats.time_ms.trace = refiner.samples.time.as_secs_f64() * 1e3 + pixels_ms;
 
@@ -479,13 +478,7 @@ fn base_faces(
             let code = |face| if marked { single_pass::code(face) } else { 0 };
             base.leaves.extend(faces.map(|face| leaves::base_leaf(scene, table, face, code(face))));
         }
-        base.draws.push(BaseDraw {
-            leaves: start..base.leaves.len() as u32,
-            array,
-            cull,
-            blended,
-            marked,
-        });
+        base.draws.push(BaseDraw { leaves: start..base.leaves.len() as u32, array, cull, blended, marked });
     }
     base.vertices = leaves::base_vertices(&scene.geometry);
     base
