@@ -8,7 +8,7 @@ use rustc_hash::FxHashSet;
 use crate::constants::{COMPONENT_PRIMARY, MAX_LIGHTS};
 use crate::error::Result;
 use crate::gpu::{Gpu, Uploads};
-use crate::options::{Msaa, Options, Reconstruction, Ss, VisibilityWay};
+use crate::options::{EffortOptions, Msaa, Options, Reconstruction, VisibilityWay};
 use crate::plan::Plan;
 use crate::reconstruct::bank::Bank;
 use crate::reconstruct::drawn::Drawn;
@@ -18,10 +18,12 @@ use crate::reconstruct::nodes::{Corner, Matcher};
 use crate::reconstruct::paper;
 use crate::reconstruct::passes::{BaseDraw, BaseFaces, Painter, PassOptions};
 use crate::reconstruct::show::{self, FrameData, LeafKind, Overlay};
+use crate::reconstruct::supersample;
 use crate::reconstruct::table::SceneTable;
 use crate::refine::mesh::Mesh;
 use crate::refine::pixels::{Shown, TracedPixel};
 use crate::refine::predict::Predictor;
+use crate::refine::reserve::Reserve;
 use crate::refine::{Refiner, StoppedBy, pixels};
 use crate::report::image::FloatImage;
 use crate::report::stats::{self, Stats};
@@ -60,8 +62,10 @@ pub struct Renderer<'s> {
     painter: Painter,
     settings: Settings,
     bvh_ms: f64,
-    /// From the end of refinement to the finished image, as the last frame took: what a time budget keeps back.
-    finishing: Duration,
+    /// Samples of the last frame, and its time from the end of refinement to the finished image.
+    finished: (u64, Duration),
+    /// What a time budget keeps back for that.
+    reserve: Reserve,
 }
 
 /// The image after a refinement step; the first is the preview, before any.
@@ -130,11 +134,6 @@ impl<'s> Renderer<'s> {
             single_pass,
             equation: options.method.equation,
             samples: if options.method.msaa == Msaa::Four { 4 } else { 1 },
-            shaded: match options.method.ss {
-                Ss::One => 1,
-                Ss::Four => 4,
-                Ss::Sixteen => 16,
-            },
             detail_textures: plan.detail_textures,
             lights: (scene.lights.len() as u32).min(MAX_LIGHTS),
             highlights: plan.highlights,
@@ -156,14 +155,15 @@ impl<'s> Renderer<'s> {
             painter,
             settings,
             bvh_ms,
-            finishing: Duration::ZERO,
+            finished: (0, Duration::ZERO),
+            reserve: Reserve::default(),
         })
     }
 
     /// Draws every pipeline once, so that drivers compile before anything is timed. Returns milliseconds.
     ///
-    /// A frame with a time budget is rehearsed: what it takes from the last sample to the image is kept back
-    /// from the next frame's budget.
+    /// A frame with a time budget is rehearsed as a preview and in full: what both take from the last sample to
+    /// the image tells what to keep back from the budget.
     ///
     /// # Errors
     /// What the driver says; no device memory left.
@@ -174,9 +174,19 @@ impl<'s> Renderer<'s> {
         }
         self.painter.warm_up(&FrameBlock::new(self.scene, view), self.traced.is_some())?;
         if self.options.effort.budget.is_some() {
-            self.render(view)?;
+            self.rehearse(view)?;
         }
         Ok(ms(started))
+    }
+
+    fn rehearse(&mut self, view: &View) -> Result<()> {
+        let preview = EffortOptions { preview: true, ..EffortOptions::default() };
+        let effort = std::mem::replace(&mut self.options.effort, preview);
+        let few = self.render(view).map(|_| self.finished);
+        self.options.effort = effort;
+        self.render(view)?;
+        self.reserve = Reserve::through(few?, self.finished);
+        Ok(())
     }
 
     /// Finds the visible faces of `view` in the way that the options say, and nothing more; `None` if nothing
@@ -208,7 +218,7 @@ impl<'s> Renderer<'s> {
         let mut stats = self.blank_stats(view);
         let block = FrameBlock::new(self.scene, view);
         let mut overlay = None;
-        let mut refined = Instant::now();
+        let (mut refined, mut cost) = (Instant::now(), 0);
         let leaves = match (&self.traced, &mut self.finder) {
             (Some(traced), Some(finder)) => {
                 let matcher = Matcher {
@@ -236,7 +246,8 @@ impl<'s> Renderer<'s> {
                     settings: &self.settings,
                     options: &self.options,
                     view,
-                    started: started.checked_sub(self.finishing).unwrap_or(started),
+                    started,
+                    reserve: self.reserve,
                 };
                 let observed = after_step.is_some();
                 let mut observe =
@@ -244,6 +255,7 @@ impl<'s> Renderer<'s> {
                 let sampled = job.sample(traced, &found, &mut stats, observed.then_some(&mut observe))?;
                 (overlay, refined) = (sampled.overlay, sampled.refined);
                 stats.notes.extend(finder.note.clone());
+                cost = sampled.cost;
                 Some(sampled.leaves)
             }
             _ => None,
@@ -257,7 +269,13 @@ impl<'s> Renderer<'s> {
         let (passes, nothing) =
             self.plan.passes_for(leaves.as_ref().map_or(COMPONENT_PRIMARY, Drawn::components));
         stats.left_out.extend(nothing);
-        let drawings = self.painter.draw(&block, leaves.as_ref(), &passes)?;
+        let (drawings, mean) = supersample::draw(
+            &mut self.painter,
+            &block,
+            leaves.as_ref(),
+            &passes,
+            self.options.method.ss.samples(),
+        )?;
         stats.time_ms.draw = ms(time);
         stats.time_ms.frame = ms(started);
         stats.passes = drawings
@@ -268,8 +286,8 @@ impl<'s> Renderer<'s> {
                 draws: drawing.draws.into(),
             })
             .collect();
-        self.finishing = refined.elapsed();
-        let image = self.painter.read_image()?;
+        self.finished = (cost, refined.elapsed());
+        let image = mean.map_or_else(|| self.painter.read_image(), Ok)?;
         Ok(Frame { image: overlay.map_or(image.clone(), |overlay| overlay.over(&image)), stats })
     }
 
@@ -297,6 +315,7 @@ struct Job<'a> {
     view: &'a View,
     /// When the time budget began to run.
     started: Instant,
+    reserve: Reserve,
 }
 
 /// What sampling a frame gives.
@@ -306,6 +325,8 @@ struct Sampled {
     overlay: Option<Overlay>,
     /// When refinement ended.
     refined: Instant,
+    /// Samples that count against a budget.
+    cost: u64,
 }
 
 /// What is shown the leaves after every step.
@@ -340,6 +361,7 @@ impl Job<'_> {
         let seeds = adjacency.one_ring(scene, topology, classes, view, visible.visible);
         let mesh = Mesh::new(scene, topology, view, &seeds);
         let mut refiner = Refiner::new(&context, &predictor, mesh, shown);
+        refiner.reserve = self.reserve;
         let mut observe = |refiner: &Refiner| {
             let Some(after_step) = &mut after_step else { return Ok(()) };
             let (pixels, _) = pixels::trace(&context, &refiner.mesh, shown, &refiner.pixel_faces);
@@ -389,7 +411,7 @@ impl Job<'_> {
                 },
             )
         });
-        Ok(Sampled { leaves, overlay, refined: ended })
+        Ok(Sampled { leaves, overlay, refined: ended, cost: refiner.cost() })
     }
 
     fn assemble(&self, refiner: &Refiner, traced: &[TracedPixel]) -> Drawn {

@@ -5,7 +5,7 @@ use std::sync::Arc;
 use vertex_tracing::{
     frame::{Renderer, Step},
     gpu::{Fault, Gpu, Messages, Options as DeviceOptions},
-    options::{Options, ViewOptions, VisibilityWay},
+    options::{Options, Ss, ViewOptions, VisibilityWay},
     report::metrics::{Encoding, compare},
     scene::{
         Scene, View,
@@ -140,6 +140,22 @@ fn a_single_pass_shown_step_by_step_ends_in_the_same_picture() {
     assert!(steps > 2, "{steps} steps");
     assert_eq!(whole.pixels, stepped.pixels);
     drop(renderer);
+    assert_clean(gpu, &messages);
+}
+
+#[test]
+fn sub_samples_get_base_images_of_their_own() {
+    let scene = Demo::Cup.scene();
+    let view = view(&scene, 120, 96);
+    let (gpu, messages) = gpu();
+    let image = |way| {
+        let mut options = options(way);
+        options.method.ss = Ss::Four;
+        Renderer::new(&gpu, &scene, &options).unwrap().render(&view).unwrap().image
+    };
+    let (exact, single) = (image(VisibilityWay::IdBuffer), image(VisibilityWay::SinglePass));
+    let psnr = compare(&exact, &single, None, Encoding::Srgb).unwrap().psnr.unwrap_or(f64::INFINITY);
+    assert!(psnr > 45.0, "{psnr} dB");
     assert_clean(gpu, &messages);
 }
 

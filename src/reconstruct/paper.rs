@@ -1,5 +1,10 @@
 //! The paper's own reconstruction (§4): texture coordinates and colours of the vertices, interpolated by the
 //! rasteriser, with its error (Fig. 9). The baseline for the exact one.
+//!
+//! What §4.2 does to fit colour registers and texture units of its time (pass-through, the choice of equation by
+//! the number of units) has no counterpart: three textures are bound and all colours of Eq. 3 interpolated for a
+//! single pass, so mode and equation are chosen freely. `GL_MODULATE` and α-blending of §4.1 are the fragment
+//! shader's product and additive blending of what it has multiplied with α already.
 
 use std::collections::BTreeMap;
 

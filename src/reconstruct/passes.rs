@@ -133,8 +133,6 @@ pub struct PassOptions {
     pub equation: Equation,
     /// Coverage samples a pixel: 1 or 4.
     pub samples: u32,
-    /// Shaded samples a pixel: 1, 4 or 16.
-    pub shaded: u32,
     /// Whether any material has textures beyond base colour and emission.
     pub detail_textures: bool,
     /// Whether the faces without samples are drawn before the samples are known, with those that need
@@ -198,8 +196,8 @@ pub struct Painter {
     dynamic: Option<LeafList>,
     pipelines: HashMap<PipelineKey, GraphicsPipeline>,
     depth_reset: Option<GraphicsPipeline>,
-    /// Whether nothing was drawn upon the base image of [`draw_base`](Self::draw_base) yet.
-    base_is_fresh: bool,
+    /// What [`draw_base`](Self::draw_base) was drawn for, if nothing was drawn upon it yet.
+    fresh_base: Option<FrameBlock>,
     target: Option<Target>,
     blended_order: Vec<u32>,
 }
@@ -259,7 +257,7 @@ impl Painter {
             dynamic: None,
             pipelines: HashMap::new(),
             depth_reset,
-            base_is_fresh: false,
+            fresh_base: None,
             target: None,
             blended_order: Vec::new(),
         })
@@ -380,7 +378,7 @@ impl Painter {
 
     /// Draws the frame in `passes`, all or some of the options'; the leaves are those of the last
     /// [`upload`](Self::upload). Returns what was recorded. In a single pass they are drawn upon the last
-    /// [`draw_base`](Self::draw_base), which is drawn again only if it was drawn upon already.
+    /// [`draw_base`](Self::draw_base), which is drawn again only if it was drawn upon already, or for another block.
     ///
     /// # Errors
     /// No device memory left; a lost device.
@@ -411,7 +409,9 @@ impl Painter {
         let blended = self.blended_draws();
 
         self.uploads.write(&self.frame, 0, std::slice::from_ref(block))?;
-        let base_is_fresh = std::mem::take(&mut self.base_is_fresh);
+        let drawn_for = self.fresh_base.take();
+        let base_is_fresh =
+            drawn_for.is_some_and(|drawn| bytemuck::bytes_of(&drawn) == bytemuck::bytes_of(block));
         let Self {
             options,
             depth_reset,
@@ -519,7 +519,7 @@ impl Painter {
             return Ok(());
         }
         self.target = None;
-        self.base_is_fresh = false;
+        self.fresh_base = None;
         let samples = self.options.samples;
         let gpu = &self.gpu;
         let color = Image::new(gpu, &ImageDesc::target("color", Format::Rgba16f, width, height))?;

@@ -7,6 +7,7 @@
 pub mod mesh;
 pub mod pixels;
 pub mod predict;
+pub mod reserve;
 pub mod samples;
 
 use std::cmp::Ordering;
@@ -19,6 +20,7 @@ use rayon::prelude::*;
 use self::mesh::{Mesh, Split};
 use self::pixels::Shown;
 use self::predict::{Corner, Deviation, Predictor};
+use self::reserve::Reserve;
 use self::samples::Samples;
 use crate::options::{EffortOptions, Reconstruction};
 use crate::trace::sample::Context;
@@ -69,6 +71,8 @@ pub struct Refiner<'a> {
     pub pixel_faces: Vec<u32>,
     /// Steps taken.
     pub steps: u32,
+    /// What a time budget keeps back; nothing unless set.
+    pub reserve: Reserve,
     state: Vec<State>,
     queue: BinaryHeap<Entry>,
     pixel_budget_used: f32,
@@ -115,6 +119,7 @@ impl<'a> Refiner<'a> {
             samples: Samples::default(),
             pixel_faces: Vec::new(),
             steps: 0,
+            reserve: Reserve::default(),
             state: Vec::new(),
             queue: BinaryHeap::new(),
             pixel_budget_used: 0.0,
@@ -173,7 +178,8 @@ impl<'a> Refiner<'a> {
         (mean(shift), mean(color))
     }
 
-    /// Refines until the target or a budget of `effort` is met; `after_step` sees every step.
+    /// Refines until the target or a budget of `effort` is met; `after_step` sees every step. The time budget
+    /// runs from `started`; no step begins that would overrun it if it took as long as the last one.
     ///
     /// # Errors
     /// Whatever `after_step` returns.
@@ -191,7 +197,10 @@ impl<'a> Refiner<'a> {
             if effort.max_samples.is_some_and(|limit| self.cost() >= limit) {
                 return Ok(StoppedBy::MaxSamples);
             }
-            if effort.budget.is_some_and(|limit| started.elapsed() + last_step >= limit) {
+            if effort
+                .budget
+                .is_some_and(|limit| started.elapsed() + last_step + self.reserve.at(self.cost()) >= limit)
+            {
                 return Ok(StoppedBy::Budget);
             }
             if effort.max_samples.is_none() && effort.budget.is_none() && self.predicted().0 <= effort.error {

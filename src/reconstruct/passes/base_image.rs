@@ -44,7 +44,7 @@ impl Painter {
         });
         recording.timed("copy", |recording| recording.read_image(&target.color, &mut target.staging));
         recording.submit_and_wait()?;
-        self.base_is_fresh = true;
+        self.fresh_base = Some(*block);
         let memory = target.staging.memory();
         let drawn = started.elapsed();
         let pixels = target.staging.read((block.width * block.height) as usize)?;
