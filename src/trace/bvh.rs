@@ -56,7 +56,7 @@ pub struct Hit {
 /// A scene made ready for rays.
 ///
 /// Rays hit both sides of every face. Faces with a MASK material count where their alpha reaches the
-/// cutoff; BLEND is opaque (coverage on camera rays is [`surface::coverage`](super::surface::coverage)).
+/// cutoff; BLEND is opaque (coverage on camera rays is [`coverage`](super::surface::coverage)).
 pub struct Tracer<'s> {
     scene: &'s Scene,
     bvh: Bvh2,
