@@ -1,12 +1,13 @@
 //! One frame, from camera to finished image: a script of the stages (design §1).
 
 use std::sync::Arc;
+use std::sync::atomic::{AtomicBool, Ordering};
 use std::time::{Duration, Instant};
 
 use rustc_hash::FxHashSet;
 
 use crate::constants::{COMPONENT_PRIMARY, MAX_LIGHTS};
-use crate::error::Result;
+use crate::error::{Error, Result};
 use crate::gpu::{Gpu, Uploads};
 use crate::options::{EffortOptions, Msaa, Options, Reconstruction, VisibilityWay};
 use crate::plan::Plan;
@@ -64,6 +65,7 @@ pub struct Renderer<'s> {
     bvh_ms: f64,
     /// Samples of the last frame, and its time from the end of refinement to the finished image.
     finished: (u64, Duration),
+    interrupt: Arc<AtomicBool>,
     /// What a time budget keeps back for that.
     reserve: Reserve,
 }
@@ -156,6 +158,7 @@ impl<'s> Renderer<'s> {
             settings,
             bvh_ms,
             finished: (0, Duration::ZERO),
+            interrupt: Arc::default(),
             reserve: Reserve::default(),
         })
     }
@@ -198,6 +201,11 @@ impl<'s> Renderer<'s> {
         let block = FrameBlock::new(self.scene, view);
         let Self { finder, painter, .. } = self;
         finder.as_mut().map(|finder| finder.find(view, || painter.draw_base(&block))).transpose()
+    }
+
+    /// Lets `flag` end a frame between two refinement steps, with [`Error::Interrupted`].
+    pub fn set_interrupt(&mut self, flag: Arc<AtomicBool>) {
+        self.interrupt = flag;
     }
 
     /// Renders one frame.
@@ -248,6 +256,7 @@ impl<'s> Renderer<'s> {
                     view,
                     started,
                     reserve: self.reserve,
+                    interrupt: &self.interrupt,
                 };
                 let observed = after_step.is_some();
                 let mut observe =
@@ -316,6 +325,7 @@ struct Job<'a> {
     /// When the time budget began to run.
     started: Instant,
     reserve: Reserve,
+    interrupt: &'a AtomicBool,
 }
 
 /// What sampling a frame gives.
@@ -363,6 +373,9 @@ impl Job<'_> {
         let mut refiner = Refiner::new(&context, &predictor, mesh, shown);
         refiner.reserve = self.reserve;
         let mut observe = |refiner: &Refiner| {
+            if self.interrupt.load(Ordering::Relaxed) {
+                return Err(Error::Interrupted);
+            }
             let Some(after_step) = &mut after_step else { return Ok(()) };
             let (pixels, _) = pixels::trace(&context, &refiner.mesh, shown, &refiner.pixel_faces);
             after_step(&self.assemble(refiner, &pixels), refiner)

@@ -8,13 +8,13 @@ use super::{
     Failure,
     args::{EffortArgs, MethodArgs, PathArgs, SceneArgs, ThreadArgs, ViewArgs},
     output::OutputArgs,
-    scene, values,
+    scene, terminal, values,
 };
 use crate::{
     error::{Error, Result},
     frame::{Observer, Renderer, Step},
     gpu::{self, Gpu},
-    options::{Options, Show, VisibilityWay},
+    options::{Options, Show},
     report::output::write_image,
 };
 
@@ -85,7 +85,6 @@ impl RenderArgs {
 
 pub(super) fn run(args: &RenderArgs) -> Result<(), Failure> {
     let options = args.options().map_err(|problem| Failure::conflict("render", problem))?;
-    refuse_unavailable(args)?;
     args.threads.apply()?;
     args.out.check(args.output.as_deref())?;
     if let Some(folder) = &args.progressive {
@@ -100,6 +99,7 @@ pub(super) fn run(args: &RenderArgs) -> Result<(), Failure> {
 
     let gpu = Gpu::new(&gpu::Options { device: options.device.clone(), validation: false })?;
     let mut renderer = Renderer::new(&gpu, &scene, &options)?;
+    renderer.set_interrupt(terminal::interrupt());
     let warmup = renderer.warm_up(&view)?;
     let mut save = |step: &Step| match &args.progressive {
         Some(folder) => {
@@ -116,15 +116,6 @@ pub(super) fn run(args: &RenderArgs) -> Result<(), Failure> {
     Ok(())
 }
 
-/// Options that the renderer does not know yet are refused by name, never ignored.
-fn refuse_unavailable(args: &RenderArgs) -> Result<()> {
-    let way = args.method.visibility;
-    if way == VisibilityWay::IdBuffer {
-        return Ok(());
-    }
-    Err(Error::Option(format!("--visibility {way} is not available in this version")))
-}
-
 #[cfg(test)]
 mod tests {
     use std::time::Duration;
@@ -133,7 +124,9 @@ mod tests {
     use glam::{DVec3, Vec3};
 
     use super::*;
-    use crate::options::{CameraChoice, Equation, FilterMode, Mode, Msaa, Reconstruction, Shadows, Ss};
+    use crate::options::{
+        CameraChoice, Equation, FilterMode, Mode, Msaa, Reconstruction, Shadows, Ss, VisibilityWay,
+    };
 
     #[derive(Debug, Parser)]
     struct Program {

@@ -7,6 +7,10 @@ use ash::vk;
 use super::instance::{INSTALL_DRIVER, Instance};
 use crate::error::{Error, Result};
 
+/// Components that the vertices of a leaf hand on to its fragments: locations 0 to 22 of glsl/leaf.vert. Vulkan
+/// promises 64; graphics cards have 116 and more.
+const FRAGMENT_INPUTS: u32 = 23 * 4;
+
 /// A Vulkan device of this machine.
 #[derive(Debug, Clone)]
 pub struct DeviceInfo {
@@ -134,7 +138,10 @@ fn inspect(instance: &Instance, index: usize, handle: vk::PhysicalDevice) -> Can
             text(driver_properties.driver_name_as_c_str()),
             text(driver_properties.driver_info_as_c_str())
         );
-        let missing = missing(&features, &features12, &features13);
+        let mut missing = missing(&features, &features12, &features13);
+        if properties.limits.max_fragment_input_components < FRAGMENT_INPUTS {
+            missing.push("enough fragment shader inputs (maxFragmentInputComponents)");
+        }
         usable = if missing.is_empty() { Ok(()) } else { Err(format!("lacks {}", missing.join(", "))) };
     }
     // SAFETY: as above.

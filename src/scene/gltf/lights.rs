@@ -14,7 +14,7 @@ use crate::scene::camera::relative;
 use crate::scene::{Light, LightKind};
 
 /// Lights beyond this number are dropped: each costs a shadow ray at every hit.
-const MAX_LIGHTS: usize = 32;
+const MAX_LIGHTS: usize = crate::constants::MAX_LIGHTS as usize;
 
 /// One light for each node of the scene that has one, in node order.
 ///

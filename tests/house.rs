@@ -1,0 +1,118 @@
+//! The walls of the house: which room may know which (CONTRIBUTING.md), and where `unsafe` may live.
+
+use std::{
+    collections::{BTreeMap, BTreeSet},
+    fs,
+    path::Path,
+};
+
+/// Rooms that each room may know besides itself, `error` and `constants`.
+const ALLOWED: [(&str, &[&str]); 11] = [
+    ("gpu", &[]),
+    ("scene", &[]),
+    ("options", &["scene"]),
+    ("visibility", &["scene", "gpu"]),
+    ("trace", &["scene", "options"]),
+    ("refine", &["scene", "options", "visibility", "trace"]),
+    // The image type and the stats' entries are what reconstruction hands on.
+    ("reconstruct", &["scene", "options", "gpu", "visibility", "trace", "refine", "report"]),
+    ("report", &["scene", "options", "gpu", "visibility", "frame"]),
+    ("plan", &["scene", "options", "reconstruct", "report"]),
+    ("frame", &["scene", "options", "gpu", "visibility", "trace", "refine", "reconstruct", "report", "plan"]),
+    ("cli", &["scene", "options", "gpu", "trace", "report", "frame", "plan"]),
+];
+
+/// Every Rust file below `folder` with its text, tests and comments left out.
+fn sources(folder: &Path, files: &mut Vec<(String, String)>) {
+    for entry in fs::read_dir(folder).expect("src is there").map(|entry| entry.unwrap().path()) {
+        if entry.is_dir() {
+            sources(&entry, files);
+        } else if entry.extension().is_some_and(|extension| extension == "rs") {
+            let text = fs::read_to_string(&entry).unwrap();
+            let code = text.split("#[cfg(test)]\nmod tests").next().unwrap_or_default();
+            let lines = code.lines().filter(|line| !line.trim_start().starts_with("//"));
+            files.push((entry.to_str().unwrap().into(), lines.collect::<Vec<_>>().join("\n")));
+        }
+    }
+}
+
+/// First names after `crate::`, those of a braced list too.
+fn rooms_named(code: &str) -> BTreeSet<String> {
+    let mut rooms = BTreeSet::new();
+    let word = |text: &str| text.chars().take_while(|c| c.is_alphanumeric() || *c == '_').collect::<String>();
+    for (at, _) in code.match_indices("crate::") {
+        // `vertex_tracing::…` and `$crate::…` are not meant.
+        if code[..at].ends_with('$') || code[..at].ends_with('_') {
+            continue;
+        }
+        let rest = &code[at + "crate::".len()..];
+        let Some(list) = rest.strip_prefix('{') else {
+            rooms.insert(word(rest));
+            continue;
+        };
+        let mut depth = 0;
+        let mut start = true;
+        for (index, c) in list.char_indices() {
+            match c {
+                '{' => depth += 1,
+                '}' if depth == 0 => break,
+                '}' => depth -= 1,
+                ',' if depth == 0 => start = true,
+                c if start && c.is_alphabetic() => {
+                    rooms.insert(word(&list[index..]));
+                    start = false;
+                }
+                _ => {}
+            }
+        }
+    }
+    rooms
+}
+
+fn room_of(file: &str) -> String {
+    let inside = file.rsplit_once("/src/").map_or(file, |(_, inside)| inside);
+    inside.split(['/', '.']).next().unwrap_or_default().into()
+}
+
+fn files() -> Vec<(String, String)> {
+    let mut files = Vec::new();
+    sources(&Path::new(env!("CARGO_MANIFEST_DIR")).join("src"), &mut files);
+    assert!(files.len() > 50, "the sources were found");
+    files
+}
+
+#[test]
+fn rooms_know_only_whom_they_may() {
+    let allowed: BTreeMap<&str, &[&str]> = ALLOWED.into();
+    for (file, code) in files() {
+        let room = room_of(&file);
+        let Some(may) = allowed.get(room.as_str()) else { continue };
+        for known in rooms_named(&code) {
+            let everyone = ["error", "constants", "spirv"].contains(&known.as_str());
+            assert!(
+                everyone || known == room || may.contains(&known.as_str()),
+                "{file}: {room} may not know {known}"
+            );
+        }
+    }
+}
+
+#[test]
+fn only_gpu_names_ash_and_is_unsafe() {
+    for (file, code) in files() {
+        if room_of(&file) == "gpu" {
+            continue;
+        }
+        let blocks = ["unsafe {", "unsafe fn", "unsafe impl"];
+        assert!(!blocks.iter().any(|block| code.contains(block)), "{file} is unsafe");
+        let uses_ash = code.contains("ash::") && !file.ends_with("src/error.rs");
+        assert!(!uses_ash, "{file} names ash");
+    }
+}
+
+#[test]
+fn braced_lists_are_read() {
+    let code = "use crate::{a, b::{c, d}, e};\nlet x = crate::f::g();";
+    let expected: BTreeSet<String> = ["a", "b", "e", "f"].map(String::from).into();
+    assert_eq!(rooms_named(code), expected);
+}
