@@ -119,27 +119,35 @@ fn equations_differ_only_where_there_is_a_combined_colour() {
     let both = |scene: &Scene, reconstruction| {
         EQUATIONS.map(|equation| bench.render(scene, &options(Mode::MultiTexture, equation, reconstruction)))
     };
-    // A mirror that sees nothing but a diffuse floor has no second bounce, and the floor no highlight.
-    let mirror = Demo::Mirror.scene();
-    let [three, four] = both(&mirror, Reconstruction::Paper);
-    assert_eq!(three.image, four.image);
-    for demo in [Demo::Cup, Demo::GlassBowl] {
-        let scene = demo.scene();
-        for reconstruction in RECONSTRUCTIONS {
-            let [three, four] = both(&scene, reconstruction);
-            let what = format!("{} {reconstruction}", demo.name());
-            // The exact reconstruction has hardly a combined colour left beside a texture to multiply it with.
-            let must_differ = reconstruction == Reconstruction::Paper;
-            assert!(!must_differ || three.image != four.image, "{what}: the equations do not differ");
-            let mut options = options(Mode::MultiTexture, Equation::Three, reconstruction);
-            options.show = Some(Show::VtMask);
-            let specular = bench.render(&scene, &options).image.to_mask();
-            let outside = (0..specular.len()).filter(|&pixel| !specular[pixel]);
-            let changed = outside.filter(|&pixel| three.image.pixels[pixel] != four.image.pixels[pixel]);
-            // Leaves at a silhouette may cover a centre that the ID buffer gives to the face behind.
-            let changed = changed.count();
-            assert!(changed * 1000 <= specular.len(), "{what}: {changed} pixels differ beside the object");
-        }
+    // Eq. 4 differs where a branch has both a texture at its first bounce and a combined colour: where something
+    // textured mirrors in turn. Here that is the polished table alone.
+    for demo in [Demo::Mirror, Demo::Cup, Demo::Sphere, Demo::GlassBowl] {
+        let [three, four] = both(&demo.scene(), Reconstruction::Paper);
+        assert!(
+            three.image == four.image,
+            "{}: nothing textured mirrors, but the equations differ",
+            demo.name()
+        );
+    }
+    let scene = Demo::PolishedTable.scene();
+    for reconstruction in RECONSTRUCTIONS {
+        let [three, four] = both(&scene, reconstruction);
+        let mut options = options(Mode::MultiTexture, Equation::Three, reconstruction);
+        options.show = Some(Show::VtMask);
+        let specular = bench.render(&scene, &options).image.to_mask();
+        let differs = |pixel: &usize| three.image.pixels[*pixel] != four.image.pixels[*pixel];
+        let (inside, outside): (Vec<usize>, Vec<usize>) =
+            (0..specular.len()).filter(differs).partition(|&pixel| specular[pixel]);
+        println!(
+            "{reconstruction}: {} pixels differ, {} beside specular objects",
+            inside.len(),
+            outside.len()
+        );
+        // The exact reconstruction combines only what it cannot follow.
+        let least = if reconstruction == Reconstruction::Paper { specular.len() / 1000 } else { 0 };
+        assert!(inside.len() >= least.max(1), "{reconstruction}: {} pixels differ", inside.len());
+        // Leaves at a silhouette may cover a centre that the ID buffer gives to the face behind.
+        assert!(outside.len() * 1000 <= specular.len(), "{reconstruction}: {} beside", outside.len());
     }
     bench.finish();
 }
