@@ -50,7 +50,8 @@ vec3 local_radiance(Material m, vec3 position, vec3 n, vec3 direction, uint mask
         exponent = clamp(2.0 / (r2 * r2) - 2.0, 0.0, MAX_PHONG_EXPONENT);
         k_s = mix(m.specular, base, m.metallic) * ((exponent + 2.0) / (2.0 * PI));
     }
-    vec3 radiance = m.emission + base * (frame.ambient * diffuse);
+    float scattering = (m.flags & MATERIAL_SPECULAR) != 0u ? diffuse : 1.0;
+    vec3 radiance = m.emission + base * (frame.ambient * scattering);
     for (uint i = 0u; i < LIGHTS; ++i) {
         Incident light = incident(frame.lights[i], position);
         float cosine = max(dot(light.to_light, n), 0.0);

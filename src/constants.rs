@@ -64,6 +64,8 @@ shared_constants! {
     MATERIAL_SOLID: u32 = 8;
     /// Metals follow Schlick's approximation.
     MATERIAL_SCHLICK: u32 = 16;
+    /// Objects of the material are specular VT objects.
+    MATERIAL_SPECULAR: u32 = 32;
     /// Texel of a target at which its outline begins.
     TARGET_OUTLINE: u32 = 6;
     /// Texels of a target.

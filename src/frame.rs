@@ -8,7 +8,7 @@ use rustc_hash::FxHashSet;
 use crate::constants::{COMPONENT_PRIMARY, MAX_LIGHTS};
 use crate::error::Result;
 use crate::gpu::{Gpu, Uploads};
-use crate::options::{EffortOptions, Msaa, Options, Reconstruction, Ss};
+use crate::options::{EffortOptions, Msaa, Options, Reconstruction};
 use crate::plan::Plan;
 use crate::reconstruct::bank::Bank;
 use crate::reconstruct::drawn::Drawn;
@@ -18,6 +18,7 @@ use crate::reconstruct::nodes::{Corner, Matcher};
 use crate::reconstruct::paper;
 use crate::reconstruct::passes::{BaseDraw, BaseFaces, Painter, PassOptions};
 use crate::reconstruct::show::{self, FrameData, LeafKind, Overlay};
+use crate::reconstruct::supersample;
 use crate::reconstruct::table::SceneTable;
 use crate::refine::mesh::Mesh;
 use crate::refine::pixels::TracedPixel;
@@ -131,11 +132,6 @@ impl<'s> Renderer<'s> {
             passes: plan.passes.clone(),
             equation: options.method.equation,
             samples: if options.method.msaa == Msaa::Four { 4 } else { 1 },
-            shaded: match options.method.ss {
-                Ss::One => 1,
-                Ss::Four => 4,
-                Ss::Sixteen => 16,
-            },
             detail_textures: plan.detail_textures,
             lights: (scene.lights.len() as u32).min(MAX_LIGHTS),
             highlights: plan.highlights,
@@ -257,7 +253,13 @@ impl<'s> Renderer<'s> {
         let (passes, nothing) =
             self.plan.passes_for(leaves.as_ref().map_or(COMPONENT_PRIMARY, Drawn::components));
         stats.left_out.extend(nothing);
-        let drawings = self.painter.draw(&block, leaves.as_ref(), &passes)?;
+        let (drawings, mean) = supersample::draw(
+            &mut self.painter,
+            &block,
+            leaves.as_ref(),
+            &passes,
+            self.options.method.ss.samples(),
+        )?;
         stats.time_ms.draw = ms(time);
         stats.time_ms.frame = ms(started);
         stats.passes = drawings
@@ -269,7 +271,7 @@ impl<'s> Renderer<'s> {
             })
             .collect();
         self.finished = (cost, refined.elapsed());
-        let image = self.painter.read_image()?;
+        let image = mean.map_or_else(|| self.painter.read_image(), Ok)?;
         Ok(Frame { image: overlay.map_or(image.clone(), |overlay| overlay.over(&image)), stats })
     }
 

@@ -125,6 +125,17 @@ choices! {
     }
 }
 
+impl Ss {
+    /// Shaded samples a pixel.
+    pub fn samples(self) -> u32 {
+        match self {
+            Self::One => 1,
+            Self::Four => 4,
+            Self::Sixteen => 16,
+        }
+    }
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;

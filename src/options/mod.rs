@@ -168,6 +168,13 @@ impl Options {
                     .into(),
             );
         }
+        if self.method.ss != Ss::One && self.method.visibility == VisibilityWay::SinglePass {
+            return Err(
+                "--ss cannot be used with --visibility single-pass, which draws the base image once; \
+                        take --visibility id-buffer"
+                    .into(),
+            );
+        }
         let effort = &self.effort;
         if effort.preview && (effort.max_samples.is_some() || effort.budget.is_some()) {
             return Err(

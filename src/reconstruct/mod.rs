@@ -8,4 +8,5 @@ pub mod nodes;
 pub mod paper;
 pub mod passes;
 pub mod show;
+pub mod supersample;
 pub mod table;

@@ -119,8 +119,6 @@ pub struct PassOptions {
     pub equation: Equation,
     /// Coverage samples a pixel: 1 or 4.
     pub samples: u32,
-    /// Shaded samples a pixel: 1, 4 or 16.
-    pub shaded: u32,
     /// Whether any material has textures beyond base colour and emission.
     pub detail_textures: bool,
     /// Number of lights.

@@ -37,8 +37,9 @@ impl SceneTable {
         let mut texels = Vec::with_capacity(
             scene.materials.len() * MATERIAL_TEXELS as usize + targets.targets.len() * TARGET_TEXELS as usize,
         );
-        for material in &scene.materials {
-            texels.extend(pack_material(material, bank, fresnel));
+        for (index, material) in scene.materials.iter().enumerate() {
+            let specular = scene.objects.iter().any(|object| object.vt && object.material as usize == index);
+            texels.extend(pack_material(material, bank, fresnel, specular));
         }
         let table = Self { materials: scene.materials.len() as u32, texels };
         let packed: Vec<_> = targets.targets.iter().map(|target| table.pack_target(target)).collect();
@@ -74,7 +75,7 @@ impl SceneTable {
     }
 }
 
-fn pack_material(material: &Material, bank: &Bank, fresnel: bool) -> Vec<Texel> {
+fn pack_material(material: &Material, bank: &Bank, fresnel: bool, specular: bool) -> Vec<Texel> {
     let mut flags = 0;
     for (set, flag) in [
         (material.unlit, MATERIAL_UNLIT),
@@ -82,6 +83,7 @@ fn pack_material(material: &Material, bank: &Bank, fresnel: bool) -> Vec<Texel> 
         (material.alpha_mode == AlphaMode::Blend, MATERIAL_BLEND),
         (material.volume.is_some(), MATERIAL_SOLID),
         (fresnel, MATERIAL_SCHLICK),
+        (specular, MATERIAL_SPECULAR),
     ] {
         if set {
             flags |= flag;

@@ -54,13 +54,23 @@ impl Camera {
 
     /// A camera from the front and slightly above, from which the box `low`–`high` fills the image.
     pub fn framing(low: Vec3, high: Vec3, aspect: f32) -> Self {
+        const YFOV: f32 = 0.7;
+        const MARGIN: f32 = 1.06;
         let centre = (low + high) * 0.5;
-        let radius = ((high - low).length() * 0.5).max(f32::MIN_POSITIVE);
-        let yfov = 0.7_f32;
-        let narrow = ((yfov * 0.5).tan() * aspect.min(1.0)).atan();
-        let distance = radius / narrow.sin();
         let towards = Vec3::new(0.0, 0.18, 1.0).normalize();
-        Self { name: "framing".into(), ..Self::look_at(centre + towards * distance, centre, yfov) }
+        let camera = Self::look_at(centre + towards, centre, YFOV);
+        let half = (YFOV * 0.5).tan() / MARGIN;
+        // The nearest distance at which every corner of the box is inside the image.
+        let distance = (0..8)
+            .map(|corner| {
+                let side = |axis: u32| if corner >> axis & 1 == 0 { -0.5 } else { 0.5 };
+                let from_centre = (high - low) * Vec3::new(side(0), side(1), side(2));
+                let across =
+                    (from_centre.dot(camera.right) / aspect).abs().max(from_centre.dot(camera.up).abs());
+                across / half - from_centre.dot(camera.forward)
+            })
+            .fold(f32::MIN_POSITIVE, f32::max);
+        Self { name: "framing".into(), position: centre + towards * distance, ..camera }
     }
 }
 

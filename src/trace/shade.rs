@@ -81,9 +81,12 @@ fn local_where(
     if scene.materials[surface.material as usize].unlit {
         return Local { textured: appearance.base, added: Vec3::ZERO };
     }
-    let mut local = Local { textured: Vec3::ZERO, added: appearance.emission };
+    // Of a specular object its reflections take the place of ambient light; a rough metal has nothing else.
+    let scattering =
+        if surface.vt { (1.0 - appearance.metallic) * (1.0 - appearance.transmission) } else { 1.0 };
+    let ambient = appearance.base * (scattering * scene.ambient);
+    let mut local = Local { textured: ambient, added: appearance.emission };
     let Some(lobes) = Lobes::of(appearance) else { return local };
-    local.textured += lobes.diffuse * scene.ambient;
     for (index, light) in scene.lights.iter().enumerate() {
         let incident = light.incident(surface.position);
         if !faces(surface, &incident) || !is_lit(index, &incident) {
