@@ -1,9 +1,10 @@
 # make demo    renders the paper's cup, and the same by the reference tracer: out/cup.png
 # make figures the paper's figures and claims, measured here: out/figures/index.html
 # make test    the whole suite, as CI runs it
+# make test-models DIR=folder   renders a folder of models and holds them against its manifest.json
 # make setup   installs what building needs (libraries by apt-get; nothing if all is there)
 
-.PHONY: demo figures test setup setup-tests
+.PHONY: demo figures test test-models setup setup-tests
 .DEFAULT_GOAL := demo
 
 # Where rustup puts cargo, for shells that were not told.
@@ -38,3 +39,9 @@ test: setup-tests
 	cargo clippy --all-targets --locked -- -D warnings
 	cargo test --locked
 	RUSTDOCFLAGS='-D warnings' cargo doc --locked --no-deps
+
+test-models: setup
+	@test -n "$(DIR)" || { echo 'error: name the folder: make test-models DIR=folder' >&2; exit 1; }
+	@test -d "$(DIR)" || { echo 'error: $(DIR): no such folder' >&2; exit 1; }
+	cargo build --release --locked --bins --example check_models
+	target/release/examples/check_models "$(DIR)"

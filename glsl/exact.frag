@@ -13,6 +13,8 @@ layout(constant_id = 9) const bool MIXED_TEXTURES = true;
 layout(constant_id = 3) const uint COMPONENTS = 31;
 // Eq. 4 multiplies the combined colour by the first texture of its branch; Eq. 3 adds it.
 layout(constant_id = 4) const bool EQUATION_FOUR = false;
+// Alpha carries the primary-face code, a half, in place of coverage (single-pass visibility).
+layout(constant_id = 10) const bool CODED = false;
 
 layout(set = 1, binding = 2) uniform usamplerBuffer node_table;
 layout(set = 0, binding = 3) uniform sampler2DArray environment;
@@ -221,5 +223,6 @@ void main() {
         }
     }
     float alpha = (m.flags & MATERIAL_BLEND) != 0u ? clamp(m.alpha, 0.0, 1.0) : 1.0;
+    if (CODED) alpha = unpackHalf2x16(header.z).x;
     radiance = vec4(clamp(sum, vec3(-MAX_RADIANCE), vec3(MAX_RADIANCE)), alpha);
 }

@@ -8,7 +8,7 @@ use rustc_hash::FxHashSet;
 use crate::constants::{COMPONENT_PRIMARY, MAX_LIGHTS};
 use crate::error::Result;
 use crate::gpu::{Gpu, Uploads};
-use crate::options::{EffortOptions, Msaa, Options, Reconstruction};
+use crate::options::{EffortOptions, Msaa, Options, Reconstruction, VisibilityWay};
 use crate::plan::Plan;
 use crate::reconstruct::bank::Bank;
 use crate::reconstruct::drawn::Drawn;
@@ -21,7 +21,7 @@ use crate::reconstruct::show::{self, FrameData, LeafKind, Overlay};
 use crate::reconstruct::supersample;
 use crate::reconstruct::table::SceneTable;
 use crate::refine::mesh::Mesh;
-use crate::refine::pixels::TracedPixel;
+use crate::refine::pixels::{Shown, TracedPixel};
 use crate::refine::predict::Predictor;
 use crate::refine::reserve::Reserve;
 use crate::refine::{Refiner, StoppedBy, pixels};
@@ -33,7 +33,7 @@ use crate::scene::topology::Topology;
 use crate::scene::{AlphaMode, Scene, View};
 use crate::trace::sample::Context;
 use crate::trace::{Rays, Settings, Tracer};
-use crate::visibility::{self, Adjacency, Class};
+use crate::visibility::{self, Adjacency, Class, Finder, Found, single_pass};
 
 /// Bytes of the staging buffer that textures are uploaded through.
 const TEXTURE_STAGING: u64 = 32 << 20;
@@ -45,7 +45,6 @@ struct Traced<'s> {
     structures: Vec<Structure>,
     adjacency: Adjacency,
     classes: Vec<Class>,
-    visibility: visibility::Pass,
 }
 
 /// Renders frames of one scene on one device.
@@ -55,6 +54,8 @@ pub struct Renderer<'s> {
     options: Options,
     plan: Plan,
     traced: Option<Traced<'s>>,
+    /// Finds what is visible, if anything is traced.
+    finder: Option<Finder<'s>>,
     targets: Targets,
     table: SceneTable,
     base_textures: Vec<u32>,
@@ -107,29 +108,30 @@ impl<'s> Renderer<'s> {
             let classes = visibility::classes(scene, plan.receivers);
             Some(Traced {
                 tracer,
+                adjacency: Adjacency::new(scene, &topology),
                 topology,
                 structures: Structure::all(scene),
-                adjacency: Adjacency::new(scene),
-                visibility: visibility::Pass::new(gpu, scene, &classes)?,
                 classes,
             })
         } else {
             None
         };
+        let finder = traced
+            .as_ref()
+            .map(|traced| Finder::new(gpu, scene, &traced.classes, options.method.visibility))
+            .transpose()?;
         let mut uploads = Uploads::new(gpu, "texture uploads", TEXTURE_STAGING)?;
         let bank = Bank::new(&mut uploads, scene, &plan.textures, options.method.filter)?;
         let table = SceneTable::new(scene, &targets, &bank, options.scene.fresnel);
         let base_textures: Vec<u32> =
             scene.materials.iter().map(|m| bank.reference(m.base_color_texture)).collect();
-        let base = base_faces(
-            scene,
-            &table,
-            &base_textures,
-            traced.as_ref().map(|traced| traced.classes.as_slice()),
-        );
+        let single_pass = traced.is_some() && options.method.visibility == VisibilityWay::SinglePass;
+        let classes = traced.as_ref().map(|traced| traced.classes.as_slice());
+        let base = base_faces(scene, &table, &base_textures, classes, single_pass);
         let pass_options = PassOptions {
             reconstruction: options.method.reconstruction,
             passes: plan.passes.clone(),
+            single_pass,
             equation: options.method.equation,
             samples: if options.method.msaa == Msaa::Four { 4 } else { 1 },
             detail_textures: plan.detail_textures,
@@ -146,6 +148,7 @@ impl<'s> Renderer<'s> {
             options: options.clone(),
             plan,
             traced,
+            finder,
             targets,
             table,
             base_textures,
@@ -166,8 +169,8 @@ impl<'s> Renderer<'s> {
     /// What the driver says; no device memory left.
     pub fn warm_up(&mut self, view: &View) -> Result<f64> {
         let started = Instant::now();
-        if let Some(traced) = &mut self.traced {
-            traced.visibility.warm_up(view)?;
+        if let Some(finder) = &mut self.finder {
+            finder.warm_up(view)?;
         }
         self.painter.warm_up(&FrameBlock::new(self.scene, view), self.traced.is_some())?;
         if self.options.effort.budget.is_some() {
@@ -184,6 +187,17 @@ impl<'s> Renderer<'s> {
         self.render(view)?;
         self.reserve = Reserve::through(few?, self.finished);
         Ok(())
+    }
+
+    /// Finds the visible faces of `view` in the way that the options say, and nothing more; `None` if nothing
+    /// is traced.
+    ///
+    /// # Errors
+    /// No device memory left; a lost device.
+    pub fn find_visible(&mut self, view: &View) -> Result<Option<Found<'_>>> {
+        let block = FrameBlock::new(self.scene, view);
+        let Self { finder, painter, .. } = self;
+        finder.as_mut().map(|finder| finder.find(view, || painter.draw_base(&block))).transpose()
     }
 
     /// Renders one frame.
@@ -205,9 +219,8 @@ impl<'s> Renderer<'s> {
         let block = FrameBlock::new(self.scene, view);
         let mut overlay = None;
         let (mut refined, mut cost) = (Instant::now(), 0);
-        let leaves = match &mut self.traced {
-            None => None,
-            Some(traced) => {
+        let leaves = match (&self.traced, &mut self.finder) {
+            (Some(traced), Some(finder)) => {
                 let matcher = Matcher {
                     scene: self.scene,
                     targets: &self.targets,
@@ -216,6 +229,7 @@ impl<'s> Renderer<'s> {
                     room: self.options.method.nodes as usize,
                 };
                 let (painter, plan) = (&mut self.painter, &self.plan);
+                let found = finder.find(view, || painter.draw_base(&block))?;
                 let mut draw_step = |leaves: &Drawn, refiner: &Refiner, after: &mut Option<Observer>| {
                     let Some(after) = after else { return Ok(()) };
                     painter.upload(leaves)?;
@@ -238,11 +252,13 @@ impl<'s> Renderer<'s> {
                 let observed = after_step.is_some();
                 let mut observe =
                     |leaves: &Drawn, refiner: &Refiner| draw_step(leaves, refiner, &mut after_step);
-                let sampled = job.sample(traced, &mut stats, observed.then_some(&mut observe))?;
+                let sampled = job.sample(traced, &found, &mut stats, observed.then_some(&mut observe))?;
                 (overlay, refined) = (sampled.overlay, sampled.refined);
+                stats.notes.extend(finder.note.clone());
                 cost = sampled.cost;
                 Some(sampled.leaves)
             }
+            _ => None,
         };
         let time = Instant::now();
         if let Some(leaves) = &leaves {
@@ -320,15 +336,15 @@ impl Job<'_> {
     /// Visibility, tracing and refinement: from the view to the leaves that are drawn.
     fn sample(
         &self,
-        traced: &mut Traced,
+        traced: &Traced,
+        visible: &Found,
         stats: &mut Stats,
         mut after_step: Option<LeafObserver>,
     ) -> Result<Sampled> {
         let Self { matcher, settings, options, view, .. } = *self;
         let scene = matcher.scene;
-        let Traced { tracer, topology, structures, adjacency, classes, visibility } = traced;
+        let Traced { tracer, topology, structures, adjacency, classes } = traced;
         let targets = matcher.targets;
-        let visible = visibility.run(view)?;
         stats.time_ms.visibility = visible.times.visibility;
         stats.time_ms.readback = visible.times.readback;
         stats.time_ms.scan = visible.times.scan;
@@ -337,17 +353,18 @@ impl Job<'_> {
         stats.image.vt_pixels = visible.faces.vt_pixels;
         stats.faces.visible = visible.visible_vt as u64;
 
+        let shown = Shown::from(visible);
         let time = Instant::now();
         let context = Context { tracer, targets, settings, view };
         let predictor =
             Predictor { targets, structures, scene, view, reconstruction: options.method.reconstruction };
-        let seeds = adjacency.one_ring(scene, classes, view, &visible.faces.visible);
+        let seeds = adjacency.one_ring(scene, topology, classes, view, visible.visible);
         let mesh = Mesh::new(scene, topology, view, &seeds);
-        let mut refiner = Refiner::new(&context, &predictor, mesh, visible.ids);
+        let mut refiner = Refiner::new(&context, &predictor, mesh, shown);
         refiner.reserve = self.reserve;
         let mut observe = |refiner: &Refiner| {
             let Some(after_step) = &mut after_step else { return Ok(()) };
-            let (pixels, _) = pixels::trace(&context, &refiner.mesh, visible.ids, &refiner.pixel_faces);
+            let (pixels, _) = pixels::trace(&context, &refiner.mesh, shown, &refiner.pixel_faces);
             after_step(&self.assemble(refiner, &pixels), refiner)
         };
         observe(&refiner)?;
@@ -357,8 +374,7 @@ impl Job<'_> {
         let refined = ms(time);
 
         let time = Instant::now();
-        let (traced_pixels, pixel_rays) =
-            pixels::trace(&context, &refiner.mesh, visible.ids, &refiner.pixel_faces);
+        let (traced_pixels, pixel_rays) = pixels::trace(&context, &refiner.mesh, shown, &refiner.pixel_faces);
         let pixels_ms = ms(time);
         stats.time_ms.trace = refiner.samples.time.as_secs_f64() * 1e3 + pixels_ms;
 
@@ -390,7 +406,7 @@ impl Job<'_> {
                     view,
                     mesh: &refiner.mesh,
                     samples: &refiner.samples,
-                    face_at: &|x, y| visible.ids.face(x, y),
+                    face_at: &|x, y| pixels::face_at(&context, shown, classes, x, y),
                     kind: &|leaf| self.kind(&refiner, leaf, traced.contains(&leaf)),
                 },
             )
@@ -444,14 +460,16 @@ fn ray_stats(vertices: Rays, pixels: Rays, _traced: usize) -> stats::Rays {
 }
 
 /// Faces that are drawn without samples: all of them if nothing is traced, else occluders and blended faces.
+/// In a single pass those that need samples are drawn too, marked, until leaves take their place.
 fn base_faces(
     scene: &Scene,
     table: &SceneTable,
     base_textures: &[u32],
     classes: Option<&[Class]>,
+    single_pass: bool,
 ) -> BaseFaces {
     let mut base = BaseFaces::default();
-    let mut opaque: Vec<((bool, u32), usize)> = Vec::new();
+    let mut opaque: Vec<((bool, bool, u32), usize)> = Vec::new();
     let mut blended: Vec<usize> = Vec::new();
     let array = |object: usize| leaves::array_of(base_textures[scene.objects[object].material as usize]);
     for (index, object) in scene.objects.iter().enumerate() {
@@ -459,10 +477,9 @@ fn base_faces(
         let material = &scene.materials[object.material as usize];
         let is_blended = material.alpha_mode == AlphaMode::Blend;
         match class {
-            Class::Vt => {}
-            _ if is_blended => blended.push(index),
-            Class::Occluder => opaque.push(((!material.double_sided, array(index)), index)),
-            Class::Shadow => {}
+            Class::Occluder | Class::Shadow if is_blended => blended.push(index),
+            Class::Shadow | Class::Vt if !single_pass => {}
+            _ => opaque.push(((class != Class::Occluder, !material.double_sided, array(index)), index)),
         }
     }
     if opaque.is_empty() && blended.is_empty() {
@@ -474,20 +491,16 @@ fn base_faces(
         .map(|group| (group[0].0, false, group.iter().map(|&(_, index)| index).collect::<Vec<_>>()));
     let blended = blended.into_iter().map(|index| {
         let cull = !scene.materials[scene.objects[index].material as usize].double_sided;
-        ((cull, array(index)), true, vec![index])
+        ((false, cull, array(index)), true, vec![index])
     });
-    for ((cull, array), is_blended, objects) in groups.chain(blended) {
+    for ((marked, cull, array), blended, objects) in groups.chain(blended) {
         let start = base.leaves.len() as u32;
         for object in objects {
             let faces = scene.objects[object].faces.clone();
-            base.leaves.extend(faces.map(|face| leaves::base_leaf(scene, table, face)));
+            let code = |face| if marked { single_pass::code(face) } else { 0 };
+            base.leaves.extend(faces.map(|face| leaves::base_leaf(scene, table, face, code(face))));
         }
-        base.draws.push(BaseDraw {
-            leaves: start..base.leaves.len() as u32,
-            array,
-            cull,
-            blended: is_blended,
-        });
+        base.draws.push(BaseDraw { leaves: start..base.leaves.len() as u32, array, cull, blended, marked });
     }
     base.vertices = leaves::base_vertices(&scene.geometry);
     base

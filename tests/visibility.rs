@@ -6,10 +6,10 @@ use glam::{DVec3, Vec2, Vec3, Vec4};
 use rayon::prelude::*;
 use vertex_tracing::{
     constants::{CODE_NONE, CODE_SHADOW, CODE_VT},
-    gpu::{Fault, Gpu, Messages, Options, ReadbackChoice, ReadbackMemory},
+    gpu::{DeviceKind, Fault, Gpu, Messages, Options, ReadbackChoice, ReadbackMemory},
     scene::{
         AlphaMode, Background, Camera, Filter, Geometry, Image, Material, Object, Projection, Sampler, Scene,
-        Texture, TextureSlot, View,
+        Texture, TextureSlot, View, topology::Topology,
     },
     visibility::{Adjacency, Class, Pass, classes, device},
 };
@@ -437,6 +437,27 @@ fn every_kind_of_memory_gives_the_same() {
 }
 
 #[test]
+fn reading_in_place_gives_the_same() {
+    let scene = scene(&[(both_sides(), true, soup(500, 0.5))]);
+    let (gpu, messages) = gpu();
+    let mut pass = Pass::new(&gpu, &scene, &all_vt(&scene)).unwrap();
+    // Rows without gaps, whatever the device's alignment; then rows that may have some.
+    for width in [256, 255] {
+        let view = view(&scene, width, 64);
+        pass.set_readback(ReadbackChoice::Best);
+        pass.run(&view).unwrap();
+        let in_place = pass.run(&view).unwrap().ids.pixels.to_vec();
+        let software = gpu.info().kind == DeviceKind::Cpu;
+        assert!(pass.reads_in_place() == software || width == 255, "software devices need no copy");
+        pass.set_readback(ReadbackChoice::Treat(ReadbackMemory::CachedCoherent));
+        assert!(pass.run(&view).unwrap().ids.pixels == in_place && in_place.iter().any(|&id| id != 0));
+        assert!(!pass.reads_in_place());
+    }
+    drop(pass);
+    assert_clean(gpu, &messages);
+}
+
+#[test]
 fn runs_repeat_for_any_size_order_and_thread_count() {
     let scene = scene(&[(both_sides(), true, soup(2000, 0.3))]);
     let (gpu, messages) = gpu();
@@ -466,10 +487,11 @@ fn small_faces_are_found_by_the_ring() {
     let classes = all_vt(&scene);
     let (gpu, messages) = gpu();
     let mut pass = Pass::new(&gpu, &scene, &classes).unwrap();
-    let adjacency = Adjacency::new(&scene);
+    let topology = Topology::new(&scene.geometry);
+    let adjacency = Adjacency::new(&scene, &topology);
     let coarse = view(&scene, 64, 48);
     let visible = pass.run(&coarse).unwrap().faces.visible.clone();
-    let ring = adjacency.one_ring(&scene, &classes, &coarse, &visible);
+    let ring = adjacency.one_ring(&scene, &topology, &classes, &coarse, &visible);
     assert!(ring.is_sorted() && visible.iter().all(|face| ring.binary_search(face).is_ok()));
     // Everything that a hundred times the pixels show is marked, though the small image missed some.
     let fine = pass.run(&view(&scene, 640, 480)).unwrap().faces.visible.clone();
@@ -478,6 +500,29 @@ fn small_faces_are_found_by_the_ring() {
     assert!(missed.is_empty(), "{} of {} faces are missed", missed.len(), fine.len());
     // Faces on the far side are not.
     assert!(ring.len() < scene.geometry.faces.len() * 3 / 5, "{} faces", ring.len());
+    drop(pass);
+    assert_clean(gpu, &messages);
+}
+
+#[test]
+fn a_hundred_thousand_faces_in_a_thousand_pixels() {
+    let scene = scene(&[(Material::default(), true, sphere(Vec3::ZERO, 1.0, 160))]);
+    assert!(scene.geometry.faces.len() > 100_000);
+    let classes = all_vt(&scene);
+    let (gpu, messages) = gpu();
+    let mut pass = Pass::new(&gpu, &scene, &classes).unwrap();
+    let topology = Topology::new(&scene.geometry);
+    let adjacency = Adjacency::new(&scene, &topology);
+    let coarse = view(&scene, 64, 64);
+    let found = pass.run(&coarse).unwrap();
+    assert!(found.faces.vt_pixels < 1300, "{} pixels", found.faces.vt_pixels);
+    let visible = found.faces.visible.clone();
+    let ring = adjacency.one_ring(&scene, &topology, &classes, &coarse, &visible);
+    // What a reference of 40 x 40 samples a pixel shows.
+    let fine = pass.run(&view(&scene, 2560, 2560)).unwrap().faces.visible.clone();
+    assert!(fine.len() > 30 * visible.len(), "{} faces for {}", fine.len(), visible.len());
+    let missed = fine.iter().filter(|face| ring.binary_search(face).is_err()).count();
+    assert_eq!(missed, 0, "of {} faces", fine.len());
     drop(pass);
     assert_clean(gpu, &messages);
 }
@@ -504,7 +549,10 @@ fn failures_leave_nothing_behind() {
     ] {
         let (gpu, messages) = gpu();
         gpu.fail_next(call, fault);
-        let failed = Pass::new(&gpu, &scene, &all_vt(&scene)).and_then(|mut pass| pass.run(&view).map(drop));
+        let failed = Pass::new(&gpu, &scene, &all_vt(&scene)).and_then(|mut pass| {
+            pass.set_readback(ReadbackChoice::Treat(ReadbackMemory::CachedCoherent));
+            pass.run(&view).map(drop)
+        });
         let message = failed.expect_err(call).to_string();
         assert!(message.contains("ID buffer"), "{call}: {message}");
         assert!(message.contains(call) || message.contains("memory"), "{call}: {message}");

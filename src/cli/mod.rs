@@ -7,6 +7,7 @@ pub mod args;
 mod compare;
 mod devices;
 pub mod output;
+mod profile;
 mod reference;
 pub mod render;
 mod scene;
@@ -34,6 +35,7 @@ enum Command {
     Reference(Box<reference::ReferenceArgs>),
     Compare(compare::CompareArgs),
     Devices(devices::DevicesArgs),
+    Profile(profile::ProfileArgs),
 }
 
 /// Why a command did not do its work.
@@ -76,6 +78,7 @@ pub fn main() -> ExitCode {
             Command::Reference(args) => reference::run(&args)?,
             Command::Compare(args) => compare::run(&args)?,
             Command::Devices(args) => devices::run(&args)?,
+            Command::Profile(args) => profile::run(&args)?,
         }
         Ok(())
     });

@@ -242,8 +242,9 @@ impl<'a> Recording<'a> {
         let value = gpu.submit(buffer, &commands.name)?;
         commands.submitted = value;
         for touched in &commands.touched {
-            if let Touched::Buffer(buffer, _) = touched {
-                buffer.set_busy_until(value);
+            match touched {
+                Touched::Buffer(buffer, _) => buffer.set_busy_until(value),
+                Touched::Image(image, _) => image.set_busy_until(value),
             }
         }
         let submission = Submission { gpu: gpu.clone(), value, name: commands.name.clone() };

@@ -264,6 +264,7 @@ impl Gpu {
     pub(super) fn image_limits(
         &self,
         format: vk::Format,
+        tiling: vk::ImageTiling,
         usage: vk::ImageUsageFlags,
     ) -> Result<vk::ImageFormatProperties, vk::Result> {
         // SAFETY: a device of this instance.
@@ -272,7 +273,7 @@ impl Gpu {
                 self.physical,
                 format,
                 vk::ImageType::TYPE_2D,
-                vk::ImageTiling::OPTIMAL,
+                tiling,
                 usage,
                 vk::ImageCreateFlags::empty(),
             )

@@ -2,7 +2,7 @@
 
 use std::sync::{
     Arc,
-    atomic::{AtomicU8, Ordering},
+    atomic::{AtomicU8, AtomicU64, Ordering},
 };
 
 use ash::vk;
@@ -77,8 +77,19 @@ impl Format {
 pub enum ImageUse {
     /// Drawn to, then copied or sampled.
     Target,
+    /// Drawn to, in memory that the host reads: see [`HostImage`](super::HostImage).
+    HostTarget,
     /// Uploaded, then sampled as a `sampler2DArray`.
     Texture,
+}
+
+impl ImageUse {
+    fn tiling(self) -> vk::ImageTiling {
+        match self {
+            Self::Target | Self::Texture => vk::ImageTiling::OPTIMAL,
+            Self::HostTarget => vk::ImageTiling::LINEAR,
+        }
+    }
 }
 
 /// Description of an [`Image`].
@@ -181,13 +192,23 @@ pub(super) struct RawImage {
     allocation: Option<Allocation>,
     /// Last use recorded, an [`Access`].
     access: AtomicU8,
+    /// Timeline value of the last submission that uses it.
+    busy_until: AtomicU64,
 }
 
 impl RawImage {
+    /// Whether the device has any such image of this size.
+    pub(super) fn supported(gpu: &Gpu, desc: &ImageDesc<'_>) -> bool {
+        let samples = vk::SampleCountFlags::from_raw(desc.samples);
+        check_limits(gpu, desc, desc.usage.tiling(), usage_flags(desc), samples).is_ok()
+    }
+
     fn new(gpu: &Arc<Gpu>, desc: &ImageDesc<'_>) -> Result<Self> {
         let usage = usage_flags(desc);
         let samples = vk::SampleCountFlags::from_raw(desc.samples);
-        check_limits(gpu, desc, usage, samples)?;
+        let host = desc.usage == ImageUse::HostTarget;
+        let tiling = desc.usage.tiling();
+        check_limits(gpu, desc, tiling, usage, samples)?;
         let info = vk::ImageCreateInfo::default()
             .image_type(vk::ImageType::TYPE_2D)
             .format(desc.format.vk())
@@ -195,7 +216,7 @@ impl RawImage {
             .mip_levels(desc.mips)
             .array_layers(desc.layers)
             .samples(samples)
-            .tiling(vk::ImageTiling::OPTIMAL)
+            .tiling(tiling)
             .usage(usage)
             .initial_layout(vk::ImageLayout::UNDEFINED);
         let bytes = u64::from(desc.width)
@@ -219,18 +240,19 @@ impl RawImage {
             mips: desc.mips,
             allocation: None,
             access: AtomicU8::new(Access::Undefined as u8),
+            busy_until: AtomicU64::new(0),
         };
         gpu.name(handle, desc.name);
         // SAFETY: a live image of this device.
         let requirements = unsafe { gpu.device.get_image_memory_requirements(handle) };
-        let allocation =
-            image.allocation.insert(gpu.allocate(desc.name, requirements, MemoryLocation::GpuOnly, false)?);
+        let location = if host { MemoryLocation::GpuToCpu } else { MemoryLocation::GpuOnly };
+        let allocation = image.allocation.insert(gpu.allocate(desc.name, requirements, location, host)?);
         // SAFETY: the memory was made for this image, which is not bound yet.
         gpu.call("vkBindImageMemory", desc.name, |device| unsafe {
             device.bind_image_memory(handle, allocation.memory(), allocation.offset())
         })?;
         let view_type = match desc.usage {
-            ImageUse::Target => vk::ImageViewType::TYPE_2D,
+            ImageUse::Target | ImageUse::HostTarget => vk::ImageViewType::TYPE_2D,
             ImageUse::Texture => vk::ImageViewType::TYPE_2D_ARRAY,
         };
         let info = vk::ImageViewCreateInfo::default()
@@ -250,6 +272,20 @@ impl RawImage {
         })?;
         gpu.name(image.view, desc.name);
         Ok(image)
+    }
+
+    /// The memory, if the host can see it.
+    pub(super) fn allocation(&self) -> Option<&Allocation> {
+        self.allocation.as_ref()
+    }
+
+    /// Waits until no submission uses the image.
+    pub(super) fn wait(&self) -> Result<()> {
+        self.gpu.wait(self.busy_until.load(Ordering::Acquire), &self.name)
+    }
+
+    pub(super) fn set_busy_until(&self, value: u64) {
+        self.busy_until.fetch_max(value, Ordering::AcqRel);
     }
 
     /// Sets the last use recorded; returns the one before.
@@ -285,6 +321,7 @@ fn usage_flags(desc: &ImageDesc<'_>) -> vk::ImageUsageFlags {
         vk::ImageUsageFlags::COLOR_ATTACHMENT
     };
     match (desc.usage, desc.samples) {
+        (ImageUse::HostTarget, _) => attachment | vk::ImageUsageFlags::TRANSFER_SRC,
         (ImageUse::Target, 1) => {
             attachment | vk::ImageUsageFlags::TRANSFER_SRC | vk::ImageUsageFlags::SAMPLED
         }
@@ -301,12 +338,13 @@ fn usage_flags(desc: &ImageDesc<'_>) -> vk::ImageUsageFlags {
 fn check_limits(
     gpu: &Gpu,
     desc: &ImageDesc<'_>,
+    tiling: vk::ImageTiling,
     usage: vk::ImageUsageFlags,
     samples: vk::SampleCountFlags,
 ) -> Result<()> {
     let refuse =
         |problem: String| Err(Error::DeviceMemory { object: format!("image {}", desc.name), problem });
-    let limits = match gpu.image_limits(desc.format.vk(), usage) {
+    let limits = match gpu.image_limits(desc.format.vk(), tiling, usage) {
         Ok(limits) => limits,
         Err(_) => return refuse(format!("the device does not support {:?} for this use", desc.format)),
     };

@@ -56,6 +56,11 @@ pub enum ReadbackChoice {
 }
 
 impl ReadbackChoice {
+    /// Whether `gpu` has any such memory.
+    pub fn available(self, gpu: &Gpu) -> bool {
+        self.resolve(gpu, u32::MAX, "").is_ok()
+    }
+
     /// Memory type index among those that `bits` allows, and the kind to treat it as.
     pub(super) fn resolve(self, gpu: &Gpu, bits: u32, object: &str) -> Result<(u32, ReadbackMemory)> {
         let exact = |kind: ReadbackMemory| {

@@ -92,6 +92,8 @@ pub enum DepthMode {
     Test,
     /// Passes where equal, writes nothing.
     Equal,
+    /// Passes everywhere, and writes.
+    Replace,
 }
 
 /// Use of the stencil.
@@ -446,9 +448,10 @@ fn depth_stencil(depth: DepthMode, stencil: StencilMode) -> vk::PipelineDepthSte
     };
     vk::PipelineDepthStencilStateCreateInfo::default()
         .depth_test_enable(depth != DepthMode::Off)
-        .depth_write_enable(depth == DepthMode::Write)
+        .depth_write_enable(matches!(depth, DepthMode::Write | DepthMode::Replace))
         .depth_compare_op(match depth {
             DepthMode::Equal => vk::CompareOp::EQUAL,
+            DepthMode::Replace => vk::CompareOp::ALWAYS,
             _ => vk::CompareOp::GREATER_OR_EQUAL,
         })
         .stencil_test_enable(stencil != StencilMode::Off)

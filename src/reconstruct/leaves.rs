@@ -136,13 +136,15 @@ pub fn base_vertices(geometry: &Geometry) -> Vec<GpuVertex> {
         .collect()
 }
 
-/// The leaf record of a face that is drawn without samples: every light shines on it.
-pub fn base_leaf(scene: &Scene, table: &SceneTable, face: u32) -> GpuLeaf {
+/// The leaf record of a face that is drawn without samples: every light shines on it. `code` is its
+/// primary-face code, the bits of a half (see [`single_pass`](crate::visibility::single_pass)); 0 for none.
+pub fn base_leaf(scene: &Scene, table: &SceneTable, face: u32, code: u16) -> GpuLeaf {
     let object = scene.geometry.face_objects[face as usize];
     GpuLeaf {
         vertices: scene.geometry.faces[face as usize],
         material: table.material(scene.objects[object as usize].material),
         lit: u32::MAX,
+        nodes: code.into(),
         first_target: NO_TARGET,
         ..GpuLeaf::zeroed()
     }

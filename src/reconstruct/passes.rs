@@ -14,7 +14,7 @@ use crate::error::Result;
 use crate::gpu::{
     Binding, Blend, ColorTarget, Commands, Cull, DepthMode, DepthTarget, DescriptorSet, DeviceBuffer, Draws,
     Format, Gpu, GraphicsDesc, GraphicsPipeline, Image, ImageDesc, ReadbackBuffer, ReadbackChoice, Resource,
-    SetLayout, Shader, Targets, Uploads,
+    SetLayout, Shader, StencilMode, Targets, Uploads,
 };
 use crate::options::{Equation, Mode, Reconstruction};
 use crate::report::image::FloatImage;
@@ -38,6 +38,8 @@ pub const ARRAY_BINDINGS: [Binding; 3] = [
     Binding::textures("first_texture", 1),
     Binding::textures("node_texture", 1),
 ];
+
+mod base_image;
 
 const UPLOAD_BYTES: u64 = 16 << 20;
 
@@ -99,6 +101,7 @@ struct PipelineKey {
     components: u32,
     blend: PassBlend,
     cull: bool,
+    mark: Mark,
 }
 
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
@@ -106,6 +109,17 @@ enum PassBlend {
     First,
     Later,
     Coverage,
+}
+
+/// What a draw has to do with the mark on pixels of faces that need samples (single-pass visibility).
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
+enum Mark {
+    /// Nothing.
+    Ignored,
+    /// Sets it, or not, where it draws.
+    Set(bool),
+    /// Draws where it is set.
+    Needed,
 }
 
 /// How the image is drawn, apart from the scene and its samples.
@@ -121,6 +135,9 @@ pub struct PassOptions {
     pub samples: u32,
     /// Whether any material has textures beyond base colour and emission.
     pub detail_textures: bool,
+    /// Whether the faces without samples are drawn before the samples are known, with those that need
+    /// samples among them: see [`Painter::draw_base`].
+    pub single_pass: bool,
     /// Number of lights.
     pub lights: u32,
     /// Whether any material shows highlights.
@@ -153,6 +170,8 @@ pub struct BaseDraw {
     pub cull: bool,
     /// Whether they cover by alpha.
     pub blended: bool,
+    /// Whether they need samples, so that leaves will take their place (single-pass visibility).
+    pub marked: bool,
 }
 
 /// A list of leaves on the device: buffers grow, and are kept from frame to frame.
@@ -176,6 +195,9 @@ pub struct Painter {
     base_draws: Vec<BaseDraw>,
     dynamic: Option<LeafList>,
     pipelines: HashMap<PipelineKey, GraphicsPipeline>,
+    depth_reset: Option<GraphicsPipeline>,
+    /// What [`draw_base`](Self::draw_base) was drawn for, if nothing was drawn upon it yet.
+    fresh_base: Option<FrameBlock>,
     target: Option<Target>,
     blended_order: Vec<u32>,
 }
@@ -219,6 +241,7 @@ impl Painter {
         let base_buffers = [bytemuck::cast_slice(&base.vertices), bytemuck::cast_slice(&base.leaves), &[]];
         let base_list = LeafList::new(gpu, &layouts[1], "base", &mut uploads, base_buffers)?;
         uploads.flush()?;
+        let depth_reset = options.single_pass.then(|| base_image::depth_reset(gpu)).transpose()?;
         Ok(Self {
             gpu: gpu.clone(),
             options,
@@ -233,6 +256,8 @@ impl Painter {
             base_draws: base.draws.clone(),
             dynamic: None,
             pipelines: HashMap::new(),
+            depth_reset,
+            fresh_base: None,
             target: None,
             blended_order: Vec::new(),
         })
@@ -288,7 +313,7 @@ impl Painter {
                 };
                 keys.extend(kinds.iter().filter_map(|&(kind, mixed)| {
                     let arrays = [0, 0, if mixed { MIXED_ARRAYS } else { 0 }];
-                    let key = |group| leaf_key(self.options.reconstruction, *pass, index, group);
+                    let key = |group| leaf_key(&self.options, *pass, index, group);
                     drawn(index, kind).then(|| key(Group { kind, arrays }))
                 }));
             }
@@ -305,7 +330,18 @@ impl Painter {
         }
         self.array_set([0; 3])?;
         self.uploads.write(&self.frame, 0, std::slice::from_ref(block))?;
-        let Self { commands, uploads, target, pipelines, scene_set, base, dynamic, array_sets, .. } = self;
+        let Self {
+            commands,
+            uploads,
+            target,
+            pipelines,
+            depth_reset,
+            scene_set,
+            base,
+            dynamic,
+            array_sets,
+            ..
+        } = self;
         let (Some(target), Some(leaves)) = (target, dynamic) else { return Ok(()) };
         let mut recording = commands.begin()?;
         uploads.record(&mut recording);
@@ -319,6 +355,9 @@ impl Painter {
                 }
             }
         });
+        if let Some(pipeline) = depth_reset {
+            target.reset_depth(&mut recording, pipeline);
+        }
         recording.submit_and_wait()
     }
 
@@ -330,11 +369,16 @@ impl Painter {
             components: self.options.passes.first().map_or(COMPONENT_PRIMARY, |pass| pass.components),
             blend: if draw.blended { PassBlend::Coverage } else { PassBlend::First },
             cull: draw.cull,
+            mark: match self.options.single_pass && !draw.blended {
+                true => Mark::Set(draw.marked),
+                false => Mark::Ignored,
+            },
         }
     }
 
     /// Draws the frame in `passes`, all or some of the options'; the leaves are those of the last
-    /// [`upload`](Self::upload). Returns what was recorded.
+    /// [`upload`](Self::upload). Returns what was recorded. In a single pass they are drawn upon the last
+    /// [`draw_base`](Self::draw_base), which is drawn again only if it was drawn upon already, or for another block.
     ///
     /// # Errors
     /// No device memory left; a lost device.
@@ -345,14 +389,13 @@ impl Painter {
         passes: &[ColorPass],
     ) -> Result<Vec<Drawing>> {
         self.make_target(block.width, block.height)?;
-        let reconstruction = self.options.reconstruction;
         let draws = leaves.map_or(Vec::new(), leaf_draws);
         let mut drawings = Vec::new();
         for draw in &draws {
             for (index, &pass) in
                 passes.iter().enumerate().filter(|&(index, _)| drawn(index, draw.group.kind))
             {
-                self.pipeline(leaf_key(reconstruction, pass, index, draw.group))?;
+                self.pipeline(leaf_key(&self.options, pass, index, draw.group))?;
             }
             self.array_set(bound_arrays(draw.group.arrays))?;
         }
@@ -366,7 +409,12 @@ impl Painter {
         let blended = self.blended_draws();
 
         self.uploads.write(&self.frame, 0, std::slice::from_ref(block))?;
+        let drawn_for = self.fresh_base.take();
+        let base_is_fresh =
+            drawn_for.is_some_and(|drawn| bytemuck::bytes_of(&drawn) == bytemuck::bytes_of(block));
         let Self {
+            options,
+            depth_reset,
             commands,
             uploads,
             target,
@@ -381,29 +429,36 @@ impl Painter {
         let Some(target) = target else { return Ok(Vec::new()) };
         let mut recording = commands.begin()?;
         uploads.record(&mut recording);
+        let record_opaque = |commands: &mut Draws<'_, '_>| {
+            for (draw, key) in base_draws.iter().zip(&base_keys).filter(|(draw, _)| !draw.blended) {
+                let arrays = &array_sets[&[draw.array, 0, 0]];
+                record_base(commands, &pipelines[key], [scene_set, &base.set, arrays], draw);
+            }
+        };
+        if options.single_pass && !base_is_fresh {
+            target.render(&mut recording, true, record_opaque);
+        }
+        if let Some(pipeline) = depth_reset {
+            target.reset_depth(&mut recording, pipeline);
+        }
         for (index, &pass) in passes.iter().enumerate() {
+            let with_base = index == 0 && !options.single_pass;
             let of_leaves = draws.iter().filter(|draw| drawn(index, draw.group.kind));
-            let opaque = (0..base_draws.len()).filter(|&draw| index == 0 && !base_draws[draw].blended);
-            let count = of_leaves.clone().count() + opaque.clone().count();
+            let opaque = base_draws.iter().filter(|draw| with_base && !draw.blended);
+            let count = of_leaves.clone().count() + opaque.count();
             drawings.push(Drawing { name: pass.name, ms: 0.0, draws: count as u32 });
             recording.timed(pass.name, |recording| {
-                target.render(recording, index == 0, |commands| {
+                target.render(recording, with_base, |commands| {
                     if let Some(list) = dynamic {
                         for draw in of_leaves {
-                            let pipeline = &pipelines[&leaf_key(reconstruction, pass, index, draw.group)];
+                            let pipeline = &pipelines[&leaf_key(options, pass, index, draw.group)];
                             commands.pipeline(pipeline).set(0, scene_set).set(1, &list.set);
                             commands.set(2, &array_sets[&bound_arrays(draw.group.arrays)]);
                             commands.draw(3 * draw.leaves.start..3 * draw.leaves.end);
                         }
                     }
-                    for draw in opaque {
-                        let arrays = &array_sets[&[base_draws[draw].array, 0, 0]];
-                        draw_base(
-                            commands,
-                            &pipelines[&base_keys[draw]],
-                            [scene_set, &base.set, arrays],
-                            &base_draws[draw],
-                        );
+                    if with_base {
+                        record_opaque(commands);
                     }
                 });
             });
@@ -414,7 +469,7 @@ impl Painter {
                 target.render(recording, false, |commands| {
                     for draw in blended {
                         let arrays = &array_sets[&[base_draws[draw].array, 0, 0]];
-                        draw_base(
+                        record_base(
                             commands,
                             &pipelines[&base_keys[draw]],
                             [scene_set, &base.set, arrays],
@@ -464,6 +519,7 @@ impl Painter {
             return Ok(());
         }
         self.target = None;
+        self.fresh_base = None;
         let samples = self.options.samples;
         let gpu = &self.gpu;
         let color = Image::new(gpu, &ImageDesc::target("color", Format::Rgba16f, width, height))?;
@@ -473,7 +529,7 @@ impl Painter {
                 Image::new(gpu, &desc.with_samples(samples))
             })
             .transpose()?;
-        let depth = ImageDesc::target("depth", Format::Depth32f, width, height).with_samples(samples);
+        let depth = ImageDesc::target("depth", self.depth_format(), width, height).with_samples(samples);
         let staging = ReadbackBuffer::new(gpu, "image staging", color.bytes(), ReadbackChoice::Best)?;
         self.target = Some(Target { color, multisampled, depth: Image::new(gpu, &depth)?, staging });
         Ok(())
@@ -497,6 +553,10 @@ impl Painter {
         Ok(())
     }
 
+    fn depth_format(&self) -> Format {
+        if self.options.single_pass { Format::Depth32fStencil8 } else { Format::Depth32f }
+    }
+
     fn pipeline(&mut self, key: PipelineKey) -> Result<()> {
         if self.pipelines.contains_key(&key) {
             return Ok(());
@@ -512,7 +572,13 @@ impl Painter {
             (7, u32::from(self.options.emission_textures)),
             (8, u32::from(self.options.base_textures)),
             (9, u32::from(key.mixed)),
+            (10, u32::from(matches!(key.mark, Mark::Set(_)))),
         ];
+        let stencil = match key.mark {
+            Mark::Ignored => StencilMode::Off,
+            Mark::Set(marked) => StencilMode::Mark(marked.into()),
+            Mark::Needed => StencilMode::Test(1),
+        };
         let (blend, depth) = match key.blend {
             PassBlend::First => (Blend::Replace, DepthMode::Write),
             PassBlend::Later => (Blend::Add, DepthMode::Equal),
@@ -529,7 +595,9 @@ impl Painter {
                 fragment: Shader { spirv: fragment, constants: &constants },
                 sets: &[&self.layouts[0], &self.layouts[1], &self.layouts[2]],
                 colors: &[(Format::Rgba16f, blend)],
+                depth_format: Some(self.depth_format()),
                 depth,
+                stencil,
                 cull: if key.cull { Cull::Back } else { Cull::None },
                 samples: self.options.samples,
                 ..GraphicsDesc::opaque("leaves", vertex, fragment)
@@ -566,18 +634,19 @@ fn bound_arrays(arrays: [u32; 3]) -> [u32; 3] {
     arrays.map(|array| if array == MIXED_ARRAYS { 0 } else { array })
 }
 
-fn leaf_key(reconstruction: Reconstruction, pass: ColorPass, index: usize, group: Group) -> PipelineKey {
+fn leaf_key(options: &PassOptions, pass: ColorPass, index: usize, group: Group) -> PipelineKey {
     PipelineKey {
-        reconstruction,
+        reconstruction: options.reconstruction,
         leaves: group.kind,
         mixed: group.arrays[2] == MIXED_ARRAYS,
         components: pass.components,
         blend: if index == 0 { PassBlend::First } else { PassBlend::Later },
         cull: false,
+        mark: if options.single_pass { Mark::Needed } else { Mark::Ignored },
     }
 }
 
-fn draw_base(
+fn record_base(
     commands: &mut Draws<'_, '_>,
     pipeline: &GraphicsPipeline,
     [scene, list, arrays]: [&DescriptorSet; 3],

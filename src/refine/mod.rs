@@ -18,12 +18,12 @@ use glam::Vec3;
 use rayon::prelude::*;
 
 use self::mesh::{Mesh, Split};
+use self::pixels::Shown;
 use self::predict::{Corner, Deviation, Predictor};
 use self::reserve::Reserve;
 use self::samples::Samples;
 use crate::options::{EffortOptions, Reconstruction};
 use crate::trace::sample::Context;
-use crate::visibility::IdImage;
 
 /// Longest edge, in pixels, at which a face is no longer bisected.
 pub const STOP_SIZE: f32 = 3.5;
@@ -62,7 +62,7 @@ pub enum StoppedBy {
 pub struct Refiner<'a> {
     context: &'a Context<'a>,
     predictor: &'a Predictor<'a>,
-    ids: IdImage<'a>,
+    shown: Shown<'a>,
     /// The mesh so far.
     pub mesh: Mesh,
     /// The samples of all its vertices.
@@ -110,11 +110,11 @@ impl PartialOrd for Entry {
 
 impl<'a> Refiner<'a> {
     /// Traces the vertices of the unrefined `mesh` and queues its faces.
-    pub fn new(context: &'a Context<'a>, predictor: &'a Predictor<'a>, mesh: Mesh, ids: IdImage<'a>) -> Self {
+    pub fn new(context: &'a Context<'a>, predictor: &'a Predictor<'a>, mesh: Mesh, shown: Shown<'a>) -> Self {
         let mut refiner = Self {
             context,
             predictor,
-            ids,
+            shown,
             mesh,
             samples: Samples::default(),
             pixel_faces: Vec::new(),
@@ -142,7 +142,7 @@ impl<'a> Refiner<'a> {
                 let own = self.predictor.face(corners, self.mesh.size(face));
                 State {
                     deviation: own.plus(inherited(face)),
-                    pixels: pixels::visible(&self.mesh, self.context.view, self.ids, face),
+                    pixels: pixels::visible(&self.mesh, self.context.view, self.shown, face),
                 }
             })
             .collect();

@@ -7,7 +7,22 @@ use super::mesh::Mesh;
 use crate::scene::View;
 use crate::trace::sample::{self, Context};
 use crate::trace::{Rays, Surface};
-use crate::visibility::IdImage;
+use crate::visibility::{Class, Found, IdImage};
+
+/// What is known of the pixels that show a face.
+#[derive(Debug, Clone, Copy)]
+pub enum Shown<'a> {
+    /// Which face every pixel shows.
+    Image(IdImage<'a>),
+    /// How many pixels show each face of the scene.
+    Counts(&'a [u32]),
+}
+
+impl<'a> From<&Found<'a>> for Shown<'a> {
+    fn from(found: &Found<'a>) -> Self {
+        found.ids.map_or(Self::Counts(&found.faces.pixels_per_face), Self::Image)
+    }
+}
 
 /// A pixel traced by itself.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -25,9 +40,34 @@ const FEW: &[[f32; 3]] =
     &[[1.0 / 3.0, 1.0 / 3.0, 1.0 / 3.0], [0.7, 0.15, 0.15], [0.15, 0.7, 0.15], [0.15, 0.15, 0.7]];
 const MANY_SIDE: u32 = 6;
 
+/// The face that needs samples and shows at pixel (`x`, `y`), by a primary ray if no image says it.
+pub fn face_at(context: &Context, shown: Shown, classes: &[Class], x: u32, y: u32) -> Option<u32> {
+    match shown {
+        Shown::Image(ids) => ids.face(x, y),
+        Shown::Counts(_) => {
+            let (origin, direction) = context.view.ray(Vec2::new(x as f32 + 0.5, y as f32 + 0.5));
+            let face = context.tracer.closest(origin, direction)?.face;
+            let object = context.tracer.scene().geometry.face_objects[face as usize];
+            (classes[object as usize] != Class::Occluder).then_some(face)
+        }
+    }
+}
+
 /// Estimated number of pixels that show `face`: its projected area times the share of points inside it at
-/// which the ID buffer shows its base face.
-pub fn visible(mesh: &Mesh, view: &View, ids: IdImage, face: u32) -> f32 {
+/// which its base face shows; where counts alone are known, times the share of the base face's area that does.
+pub fn visible(mesh: &Mesh, view: &View, shown: Shown, face: u32) -> f32 {
+    match shown {
+        Shown::Image(ids) => visible_in_image(mesh, view, ids, face),
+        Shown::Counts(counts) => {
+            let base = mesh.faces[face as usize].base;
+            let whole = mesh.root(base).map_or(0.0, |root| mesh.area(root));
+            let pixels = counts[base as usize] as f32;
+            if whole > 0.0 { pixels * (mesh.area(face) / whole).min(1.0) } else { pixels }
+        }
+    }
+}
+
+fn visible_in_image(mesh: &Mesh, view: &View, ids: IdImage, face: u32) -> f32 {
     let base = mesh.faces[face as usize].base;
     let corners =
         mesh.faces[face as usize].corners.map(|v| mesh.images[mesh.vertices[v as usize].point as usize]);
@@ -69,9 +109,9 @@ fn pixel_of(view: &View, image: Vec3) -> Option<(u32, u32)> {
     (x >= 0.0 && y >= 0.0 && x < view.width as f32 && y < view.height as f32).then_some((x as u32, y as u32))
 }
 
-/// Traces the pixels whose centres lie in the leaves `faces`, from the point of the base face that the ID
-/// buffer shows there: no primary ray is traced.
-pub fn trace(context: &Context, mesh: &Mesh, ids: IdImage, faces: &[u32]) -> (Vec<TracedPixel>, Rays) {
+/// Traces the pixels whose centres lie in the leaves `faces`, from the point of the base face that shows
+/// there. An image of the faces says where it does; without one, a primary ray a pixel.
+pub fn trace(context: &Context, mesh: &Mesh, shown: Shown, faces: &[u32]) -> (Vec<TracedPixel>, Rays) {
     let chunks: Vec<(Vec<TracedPixel>, Rays)> = faces
         .par_chunks(16)
         .map(|faces| {
@@ -79,7 +119,7 @@ pub fn trace(context: &Context, mesh: &Mesh, ids: IdImage, faces: &[u32]) -> (Ve
             for &face in faces {
                 for (x, y) in pixels_around(mesh, context.view, face) {
                     let base = mesh.faces[face as usize].base;
-                    if ids.face(x, y) != Some(base) {
+                    if matches!(shown, Shown::Image(ids) if ids.face(x, y) != Some(base)) {
                         continue;
                     }
                     let centre = Vec2::new(x as f32 + 0.5, y as f32 + 0.5);
@@ -87,6 +127,12 @@ pub fn trace(context: &Context, mesh: &Mesh, ids: IdImage, faces: &[u32]) -> (Ve
                     let image = if context.view.orthographic { mesh.image_of(origin) } else { direction };
                     if mesh.leaf_at(base, image) != Some(face) {
                         continue;
+                    }
+                    if matches!(shown, Shown::Counts(_)) {
+                        rays.primary += 1;
+                        if context.tracer.closest(origin, direction).is_none_or(|hit| hit.face != base) {
+                            continue;
+                        }
                     }
                     let Some(surface) = surface_at(context, base, origin, direction) else { continue };
                     nodes.clear();

@@ -5,6 +5,7 @@ pub mod image;
 pub mod metrics;
 pub mod output;
 mod pfm;
+pub mod profile;
 pub mod stats;
 
 pub use image::FloatImage;

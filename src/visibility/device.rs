@@ -95,6 +95,7 @@ impl Pass {
         let start = Instant::now();
         self.record(view, false)?;
         let readback_memory = self.staging.memory();
+        let drawn = start.elapsed();
         let counts: &[u32] = self.staging.read(self.draw.face_count)?;
         let total = start.elapsed();
         let start = Instant::now();
@@ -102,7 +103,7 @@ impl Pass {
         let scan = start.elapsed();
         Ok(Counted {
             visible_vt: visible_in(&self.faces.visible, &self.draw.vt_faces),
-            times: Times::new(&self.commands.timings()?, total, scan),
+            times: Times::new("id buffer", &self.commands.timings()?, total, scan).with_map(total - drawn),
             readback_bytes: size_of_val(counts) as u64,
             readback_memory,
             faces: &self.faces,

@@ -104,16 +104,12 @@ impl FaceDraw {
             draws.push(BatchDraw { batch, pipeline, mask });
         }
         uploads.flush()?;
-        let of_class = |wanted: Class| {
-            let objects = scene.objects.iter().zip(classes).filter(move |(_, class)| **class == wanted);
-            objects.map(|(object, _)| object.faces.clone()).collect()
-        };
         Ok(Self {
             draws,
             face_set,
             face_count: scene.geometry.faces.len(),
-            vt_faces: of_class(Class::Vt),
-            shadow_faces: of_class(Class::Shadow),
+            vt_faces: faces_of(scene, classes, Class::Vt),
+            shadow_faces: faces_of(scene, classes, Class::Shadow),
         })
     }
 
@@ -121,15 +117,14 @@ impl FaceDraw {
     pub fn record(&self, recording: &mut Recording<'_>, images: &IdImages, view: &View, one_pixel: bool) {
         let colors = [ColorTarget { image: &images.ids, clear: Some([0.0; 4]), resolve: None }];
         let depth = Some(DepthTarget { image: &images.depth, clear: true });
-        recording.render(&Targets { colors: &colors, depth }, |pass| {
-            if one_pixel {
-                pass.scissor([0, 0, 1, 1]);
-            }
-            self.draw(pass, view);
-        });
+        recording.render(&Targets { colors: &colors, depth }, |pass| self.draw(pass, view, one_pixel));
     }
 
-    fn draw(&self, pass: &mut Draws<'_, '_>, view: &View) {
+    /// Draws in a render pass.
+    pub fn draw(&self, pass: &mut Draws<'_, '_>, view: &View, one_pixel: bool) {
+        if one_pixel {
+            pass.scissor([0, 0, 1, 1]);
+        }
         for BatchDraw { batch, pipeline, mask } in &self.draws {
             pass.pipeline(pipeline).set(0, &self.face_set);
             if let Some((set, _)) = mask {
@@ -143,6 +138,12 @@ impl FaceDraw {
             pass.draw(3 * batch.entries.start..3 * batch.entries.end);
         }
     }
+}
+
+/// Faces of the objects of one class, by object.
+pub fn faces_of(scene: &Scene, classes: &[Class], wanted: Class) -> Vec<Range<u32>> {
+    let objects = scene.objects.iter().zip(classes).filter(|(_, class)| **class == wanted);
+    objects.map(|(object, _)| object.faces.clone()).collect()
 }
 
 /// The ID buffer and its depth, of one size.
@@ -159,11 +160,17 @@ impl IdImages {
     /// # Errors
     /// A size that the device does not support; no device memory left.
     pub fn new(gpu: &Arc<Gpu>, view: &View) -> Result<Self> {
-        let image = |name, format| Image::new(gpu, &ImageDesc::target(name, format, view.width, view.height));
-        Ok(Self {
-            ids: image("ID buffer", Format::Rgba8)?,
-            depth: image("ID buffer depth", Format::Depth32f)?,
-        })
+        let ids = ImageDesc::target("ID buffer", Format::Rgba8, view.width, view.height);
+        Ok(Self { ids: Image::new(gpu, &ids)?, depth: Self::depth(gpu, view)? })
+    }
+
+    /// The depth image alone.
+    ///
+    /// # Errors
+    /// As [`new`](Self::new).
+    pub fn depth(gpu: &Arc<Gpu>, view: &View) -> Result<Image> {
+        let depth = ImageDesc::target("ID buffer depth", Format::Depth32f, view.width, view.height);
+        Image::new(gpu, &depth)
     }
 
     /// Whether they have the size of `view`.

@@ -9,7 +9,10 @@ use super::{
 };
 use crate::{
     error::Result,
-    gpu::{Commands, Gpu, ReadbackBuffer, ReadbackChoice, ReadbackMemory},
+    gpu::{
+        Commands, DepthTarget, DeviceKind, Format, Gpu, HostImage, Image, ReadbackBuffer, ReadbackChoice,
+        ReadbackMemory, Recording,
+    },
     scene::{Scene, View},
 };
 
@@ -36,7 +39,7 @@ pub struct Pass {
     commands: Commands,
     readback: ReadbackChoice,
     draw: FaceDraw,
-    target: Option<(IdImages, ReadbackBuffer)>,
+    target: Option<Target>,
     scanner: Scanner,
     faces: VisibleFaces,
 }
@@ -64,15 +67,20 @@ impl Pass {
         self.target = None;
     }
 
+    /// Whether the ID buffer is scanned where it was drawn, without a copy; known after a run.
+    pub fn reads_in_place(&self) -> bool {
+        matches!(self.target, Some(Target::InPlace { .. }))
+    }
+
     /// Draws every pipeline once on a single pixel, since drivers compile at the first draw, and makes the
     /// buffers for the size of `view`.
     ///
     /// # Errors
     /// An image size that the device does not support; no device memory left; a lost device.
     pub fn warm_up(&mut self, view: &View) -> Result<()> {
-        let (images, _) = target(&self.gpu, &mut self.target, self.readback, view)?;
+        let target = target(&self.gpu, &mut self.target, self.readback, view)?;
         let mut recording = self.commands.begin()?;
-        self.draw.record(&mut recording, images, view, true);
+        target.record(&self.draw, &mut recording, view, true);
         recording.submit_and_wait()
     }
 
@@ -81,14 +89,14 @@ impl Pass {
     /// # Errors
     /// An image size that the device does not support; no device memory left; a lost device.
     pub fn run(&mut self, view: &View) -> Result<Visibility<'_>> {
-        let (images, staging) = target(&self.gpu, &mut self.target, self.readback, view)?;
+        let target = target(&self.gpu, &mut self.target, self.readback, view)?;
         let start = Instant::now();
         let mut recording = self.commands.begin()?;
-        recording.timed("id buffer", |recording| self.draw.record(recording, images, view, false));
-        recording.timed("copy", |recording| recording.read_image(&images.ids, staging));
+        target.record(&self.draw, &mut recording, view, false);
         recording.submit_and_wait()?;
-        let readback_memory = staging.memory();
-        let pixels: &[u32] = staging.read(view.pixels())?;
+        let readback_memory = target.memory();
+        let drawn = start.elapsed();
+        let pixels = target.read(view)?;
         let total = start.elapsed();
         let start = Instant::now();
         self.scanner.scan(pixels, self.draw.face_count, &mut self.faces);
@@ -97,27 +105,86 @@ impl Pass {
             visible_vt: visible_in(&self.faces.visible, &self.draw.vt_faces),
             faces: &self.faces,
             ids: IdImage { width: view.width, height: view.height, pixels },
-            times: Times::new(&self.commands.timings()?, total, scan),
-            readback_bytes: images.ids.bytes(),
+            times: Times::new("id buffer", &self.commands.timings()?, total, scan).with_map(total - drawn),
+            readback_bytes: size_of_val(pixels) as u64,
             readback_memory,
         })
     }
 }
 
-/// The images and staging buffer in `slot` if they have the view's size, else new ones.
+/// What the ID buffer is drawn into and read from.
+enum Target {
+    /// Copied to a staging buffer.
+    Staged(IdImages, ReadbackBuffer),
+    /// Read where it was drawn.
+    InPlace { ids: HostImage, depth: Image },
+}
+
+impl Target {
+    fn new(gpu: &Arc<Gpu>, readback: ReadbackChoice, view: &View) -> Result<Self> {
+        // A copy is worth its time only where the host reads other memory than the device writes.
+        if gpu.info().kind == DeviceKind::Cpu && readback == ReadbackChoice::Best {
+            let size = (view.width, view.height);
+            if let Some(ids) = HostImage::new(gpu, "ID buffer in place", Format::Rgba8, size)? {
+                return Ok(Self::InPlace { ids, depth: IdImages::depth(gpu, view)? });
+            }
+        }
+        let images = IdImages::new(gpu, view)?;
+        let staging = ReadbackBuffer::new(gpu, "ID buffer staging", images.ids.bytes(), readback)?;
+        Ok(Self::Staged(images, staging))
+    }
+
+    fn fits(&self, view: &View) -> bool {
+        match self {
+            Self::Staged(images, _) => images.fit(view),
+            Self::InPlace { ids, .. } => ids.size() == (view.width, view.height),
+        }
+    }
+
+    fn memory(&self) -> ReadbackMemory {
+        match self {
+            Self::Staged(_, staging) => staging.memory(),
+            Self::InPlace { .. } => ReadbackMemory::CachedCoherent,
+        }
+    }
+
+    fn record<'a>(
+        &'a mut self,
+        draw: &FaceDraw,
+        recording: &mut Recording<'a>,
+        view: &View,
+        one_pixel: bool,
+    ) {
+        match self {
+            Self::Staged(images, staging) => {
+                recording.timed("id buffer", |recording| draw.record(recording, images, view, one_pixel));
+                recording.timed("copy", |recording| recording.read_image(&images.ids, staging));
+            }
+            Self::InPlace { ids, depth } => recording.timed("id buffer", |recording| {
+                let depth = Some(DepthTarget { image: depth, clear: true });
+                recording.render_to_host(ids, depth, |pass| draw.draw(pass, view, one_pixel));
+            }),
+        }
+    }
+
+    fn read(&mut self, view: &View) -> Result<&[u32]> {
+        match self {
+            Self::Staged(_, staging) => staging.read(view.pixels()),
+            Self::InPlace { ids, .. } => ids.read(),
+        }
+    }
+}
+
+/// The target in `slot` if it has the view's size, else a new one.
 fn target<'a>(
     gpu: &Arc<Gpu>,
-    slot: &'a mut Option<(IdImages, ReadbackBuffer)>,
+    slot: &'a mut Option<Target>,
     readback: ReadbackChoice,
     view: &View,
-) -> Result<&'a mut (IdImages, ReadbackBuffer)> {
-    let target = match slot.take().filter(|(images, _)| images.fit(view)) {
+) -> Result<&'a mut Target> {
+    let target = match slot.take().filter(|target| target.fits(view)) {
         Some(target) => target,
-        None => {
-            let images = IdImages::new(gpu, view)?;
-            let staging = ReadbackBuffer::new(gpu, "ID buffer staging", images.ids.bytes(), readback)?;
-            (images, staging)
-        }
+        None => Target::new(gpu, readback, view)?,
     };
     Ok(slot.insert(target))
 }

@@ -1,64 +1,52 @@
 //! The one-ring rule: faces that touch a visible face may be visible too, though they own no pixel.
 
-use std::collections::HashMap;
-
 use glam::{Mat4, Vec2, Vec3};
 
 use super::Class;
-use crate::scene::{Scene, View};
+use crate::scene::{Scene, View, topology::Topology};
 
-/// Which faces meet at each position.
-///
-/// Vertices meet where their positions are equal bit for bit, so that seams in normals or texture
-/// coordinates do not separate faces.
+/// Which faces meet at each point of a [`Topology`].
 #[derive(Debug, Clone)]
 pub struct Adjacency {
-    /// Number of the position of each vertex.
-    places: Vec<u32>,
-    /// Where each position's faces start in `faces`; one more at the end.
+    /// Where each point's faces start in `faces`; one more at the end.
     starts: Vec<u32>,
-    /// Faces at each position, ascending.
+    /// Faces at each point, ascending.
     faces: Vec<u32>,
 }
 
 impl Adjacency {
-    /// The adjacency of all faces of `scene`.
-    pub fn new(scene: &Scene) -> Self {
+    /// The adjacency of all faces of `scene`, which `topology` is of.
+    pub fn new(scene: &Scene, topology: &Topology) -> Self {
         let geometry = &scene.geometry;
-        let mut numbers: HashMap<[u32; 3], u32> = HashMap::with_capacity(geometry.positions.len());
-        let places: Vec<u32> = geometry
-            .positions
-            .iter()
-            .map(|position| {
-                let next = numbers.len() as u32;
-                // Adding zero makes −0 and 0 the same bits.
-                *numbers.entry(position.to_array().map(|x| (x + 0.0).to_bits())).or_insert(next)
-            })
-            .collect();
-        let mut starts = vec![0_u32; numbers.len() + 1];
+        let mut starts = vec![0_u32; topology.points as usize + 1];
         for &vertex in geometry.faces.iter().flatten() {
-            starts[places[vertex as usize] as usize + 1] += 1;
+            starts[topology.point[vertex as usize] as usize + 1] += 1;
         }
-        for place in 1..starts.len() {
-            starts[place] += starts[place - 1];
+        for point in 1..starts.len() {
+            starts[point] += starts[point - 1];
         }
         let mut ends = starts.clone();
         let mut faces = vec![0; 3 * geometry.faces.len()];
         for (face, vertices) in (0..).zip(&geometry.faces) {
             for &vertex in vertices {
-                let end = &mut ends[places[vertex as usize] as usize];
+                let end = &mut ends[topology.point[vertex as usize] as usize];
                 faces[*end as usize] = face;
                 *end += 1;
             }
         }
-        Self { places, starts, faces }
+        Self { starts, faces }
     }
 
-    /// Faces that share a position with `face`, itself included; a face may come more than once.
-    pub fn around<'a>(&'a self, scene: &'a Scene, face: u32) -> impl Iterator<Item = u32> + 'a {
+    /// Faces that share a point with `face`, itself included; a face may come more than once.
+    pub fn around<'a>(
+        &'a self,
+        scene: &'a Scene,
+        topology: &'a Topology,
+        face: u32,
+    ) -> impl Iterator<Item = u32> + 'a {
         scene.geometry.faces[face as usize].into_iter().flat_map(|vertex| {
-            let place = self.places[vertex as usize] as usize;
-            self.faces[self.starts[place] as usize..self.starts[place + 1] as usize].iter().copied()
+            let point = topology.point[vertex as usize] as usize;
+            self.faces[self.starts[point] as usize..self.starts[point + 1] as usize].iter().copied()
         })
     }
 
@@ -68,7 +56,14 @@ impl Adjacency {
     /// double-sided. An added face that lies between all pixel centres could not have owned a pixel even in
     /// plain sight, so its own neighbours are asked in turn: one ring alone would leave gaps where many
     /// faces share a pixel. The result errs towards too many: small faces that are hidden may be among it.
-    pub fn one_ring(&self, scene: &Scene, classes: &[Class], view: &View, visible: &[u32]) -> Vec<u32> {
+    pub fn one_ring(
+        &self,
+        scene: &Scene,
+        topology: &Topology,
+        classes: &[Class],
+        view: &View,
+        visible: &[u32],
+    ) -> Vec<u32> {
         let mut asked = vec![false; scene.geometry.faces.len()];
         for &face in visible {
             asked[face as usize] = true;
@@ -77,7 +72,7 @@ impl Adjacency {
         let mut open = visible.to_vec();
         let clip_from_eye_relative = view.clip_from_eye_relative();
         while let Some(face) = open.pop() {
-            for neighbour in self.around(scene, face) {
+            for neighbour in self.around(scene, topology, face) {
                 if !std::mem::replace(&mut asked[neighbour as usize], true)
                     && could_be_seen(scene, classes, view, &clip_from_eye_relative, neighbour)
                 {

@@ -1,23 +1,37 @@
 //! Scans the ID buffer: pixels of each face, and the faces that have any.
 
-use std::{
-    ops::Range,
-    sync::atomic::{AtomicU32, Ordering},
-};
+use std::ops::Range;
 
 use rayon::prelude::*;
 
 use crate::constants::{CODE_SHADOW, CODE_VT};
 
-/// Pixels that one task scans: a few dozen microseconds of work.
+/// Fewest pixels that are worth a task of their own: a few dozen microseconds of work.
 const PIXELS_PER_TASK: usize = 1 << 14;
+/// Counters that all tasks together may have, 4 bytes each; scenes with more faces get fewer tasks.
+const MOST_COUNTERS: usize = 1 << 25;
 /// Pixels compared at once; the compiler turns a block into a few vector instructions.
 const BLOCK: usize = 16;
+/// A bit for each of them.
+const BITS: [u32; BLOCK] = {
+    let mut bits = [0; BLOCK];
+    let mut i = 0;
+    while i < BLOCK {
+        bits[i] = 1 << i;
+        i += 1;
+    }
+    bits
+};
+/// With fewer than one visible face in so many, only those are looked at, and sorted, instead of all faces.
+const SPARSE: usize = 16;
 
 /// Faces that own pixels, and how many.
+///
+/// Kept from frame to frame: only what the last frame touched is reset, so that a frame costs nothing for
+/// faces that it does not see.
 #[derive(Debug, Clone, Default, PartialEq, Eq)]
 pub struct VisibleFaces {
-    /// Number of pixels of each face of the scene.
+    /// Number of pixels of each face of the scene: above 0 for those in `visible` and no other.
     pub pixels_per_face: Vec<u32>,
     /// Faces with at least one pixel, ascending: VT objects and shadow receivers.
     pub visible: Vec<u32>,
@@ -37,6 +51,49 @@ impl VisibleFaces {
         (self.vt_pixels, self.shadow_pixels) = (pixels(vt), pixels(shadow));
         self.pixels_per_face.clear();
         self.pixels_per_face.extend_from_slice(counts);
+        self.list_visible();
+    }
+
+    /// Sets everything from what the tasks counted, and leaves their counts 0.
+    fn set_sums(&mut self, partials: &mut [Partial], faces: usize) {
+        self.vt_pixels = partials.iter_mut().map(|partial| std::mem::take(&mut partial.vt_pixels)).sum();
+        self.shadow_pixels =
+            partials.iter_mut().map(|partial| std::mem::take(&mut partial.shadow_pixels)).sum();
+        let touched: usize = partials.iter().map(|partial| partial.touched.len()).sum();
+        if touched * SPARSE < faces && self.pixels_per_face.len() == faces {
+            self.add_touched(partials);
+        } else {
+            self.add_all(partials, faces);
+        }
+    }
+
+    fn add_touched(&mut self, partials: &mut [Partial]) {
+        for face in self.visible.drain(..) {
+            self.pixels_per_face[face as usize] = 0;
+        }
+        for Partial { counts, touched, .. } in partials {
+            for face in touched.drain(..) {
+                let count = &mut self.pixels_per_face[face as usize];
+                if *count == 0 {
+                    self.visible.push(face);
+                }
+                *count += std::mem::take(&mut counts[face as usize]);
+            }
+        }
+        self.visible.sort_unstable();
+    }
+
+    fn add_all(&mut self, partials: &mut [Partial], faces: usize) {
+        self.pixels_per_face.clear();
+        self.pixels_per_face.resize(faces, 0);
+        for Partial { counts, touched, .. } in partials {
+            touched.clear();
+            let counts = counts.par_iter_mut().with_min_len(PIXELS_PER_TASK);
+            self.pixels_per_face
+                .par_iter_mut()
+                .zip(counts)
+                .for_each(|(sum, count)| *sum += std::mem::take(count));
+        }
         self.list_visible();
     }
 
@@ -83,7 +140,17 @@ impl IdImage<'_> {
 /// Counters that are kept from scan to scan.
 #[derive(Debug, Default)]
 pub struct Scanner {
-    counts: Vec<AtomicU32>,
+    partials: Vec<Partial>,
+}
+
+/// What one task counted.
+#[derive(Debug, Default)]
+struct Partial {
+    /// Pixels of each face; 0 for all but the `touched` ones.
+    counts: Vec<u32>,
+    touched: Vec<u32>,
+    vt_pixels: u64,
+    shadow_pixels: u64,
 }
 
 impl Scanner {
@@ -91,64 +158,65 @@ impl Scanner {
     ///
     /// The result does not depend on the number of threads: sums of integers commute.
     pub fn scan(&mut self, pixels: &[u32], faces: usize, result: &mut VisibleFaces) {
-        self.counts.resize_with(faces, AtomicU32::default);
-        let counts = &self.counts;
-        let (vt_pixels, shadow_pixels) = pixels
-            .par_chunks(PIXELS_PER_TASK)
-            .map(|chunk| {
-                let mut sums = (0, 0);
-                for_each_run(chunk, |pixel, length| {
-                    match pixel >> 24 {
-                        CODE_VT => sums.0 += u64::from(length),
-                        CODE_SHADOW => sums.1 += u64::from(length),
-                        _ => {}
-                    }
-                    let face = (pixel & 0xff_ffff).wrapping_sub(1);
-                    if let Some(count) = counts.get(face as usize) {
-                        count.fetch_add(length, Ordering::Relaxed);
-                    }
-                });
-                sums
-            })
-            .reduce(|| (0, 0), |a, b| (a.0 + b.0, a.1 + b.1));
-        (result.vt_pixels, result.shadow_pixels) = (vt_pixels, shadow_pixels);
+        let most = (MOST_COUNTERS / faces.max(1)).clamp(1, rayon::current_num_threads());
+        let tasks = (pixels.len() / PIXELS_PER_TASK).clamp(1, most);
+        self.partials.resize_with(tasks, Partial::default);
+        let chunks = pixels.par_chunks(pixels.len().div_ceil(tasks).max(1));
+        self.partials.par_iter_mut().zip(chunks).for_each(|(partial, chunk)| partial.count(chunk, faces));
+        result.set_sums(&mut self.partials, faces);
+    }
+}
 
-        // Taking the counts leaves zeros for the next scan.
-        self.counts
-            .par_iter_mut()
-            .with_min_len(PIXELS_PER_TASK)
-            .map(|count| std::mem::take(count.get_mut()))
-            .collect_into_vec(&mut result.pixels_per_face);
-        result.list_visible();
+impl Partial {
+    fn count(&mut self, pixels: &[u32], faces: usize) {
+        self.counts.resize(faces, 0);
+        for_each_run(pixels, |pixel, length| {
+            match pixel >> 24 {
+                CODE_VT => self.vt_pixels += u64::from(length),
+                CODE_SHADOW => self.shadow_pixels += u64::from(length),
+                _ => {}
+            }
+            let face = (pixel & 0xff_ffff).wrapping_sub(1);
+            if let Some(count) = self.counts.get_mut(face as usize) {
+                if *count == 0 {
+                    self.touched.push(face);
+                }
+                *count += length;
+            }
+        });
     }
 }
 
 /// Calls `visit` with every run of equal, non-zero pixels and its length.
 fn for_each_run(pixels: &[u32], mut visit: impl FnMut(u32, u32)) {
-    let (mut value, mut length) = (0, 0);
-    let mut step = |pixel: u32, count: u32| {
-        if pixel == value {
-            length += count;
-        } else {
-            if value != 0 {
-                visit(value, length);
-            }
-            (value, length) = (pixel, count);
+    let mut start = 0;
+    let mut end_run = |end: usize| {
+        if pixels[start] != 0 {
+            visit(pixels[start], (end - start) as u32);
         }
+        start = end;
     };
-    let blocks = pixels.chunks_exact(BLOCK);
-    let rest = blocks.remainder();
-    for block in blocks {
-        let first = block[0];
-        if block.iter().fold(0, |differing, &pixel| differing | (pixel ^ first)) == 0 {
-            step(first, BLOCK as u32);
-        } else {
-            block.iter().for_each(|&pixel| step(pixel, 1));
+    let Some((_, after)) = pixels.split_first() else { return };
+    let (blocks, blocks_before) = (after.chunks_exact(BLOCK), pixels.chunks_exact(BLOCK));
+    let whole = after.len() - blocks.remainder().len();
+    for (index, (block, before)) in blocks.zip(blocks_before).enumerate() {
+        // Long runs first: one comparison of a whole block.
+        if block.iter().zip(before).fold(0, |differing, (a, b)| differing | (a ^ b)) == 0 {
+            continue;
+        }
+        let changes = BITS.iter().zip(block.iter().zip(before));
+        let mut changes = changes.fold(0, |bits, (bit, (a, b))| bits | if a == b { 0 } else { *bit });
+        while changes != 0 {
+            end_run(1 + index * BLOCK + changes.trailing_zeros() as usize);
+            changes &= changes - 1;
         }
     }
-    rest.iter().for_each(|&pixel| step(pixel, 1));
-    step(0, 0);
-    // The step above reported the last run, unless that was of zeros.
+    for index in whole..after.len() {
+        if after[index] != pixels[index] {
+            end_run(1 + index);
+        }
+    }
+    end_run(pixels.len());
 }
 
 #[cfg(test)]

@@ -1,0 +1,73 @@
+//! `vtrace profile`: what it costs to know the visible faces.
+
+use std::path::PathBuf;
+
+use clap::Args;
+
+use super::{args::ThreadArgs, scene, terminal};
+use crate::{
+    error::{Error, Result},
+    gpu::{Gpu, Options as DeviceOptions},
+    options::SceneOptions,
+    report::{
+        output::write_file,
+        profile::{Profile, measure},
+    },
+};
+
+/// Measure what it costs to know the visible faces of a scene, way by way and stage by stage
+#[derive(Debug, Args)]
+#[command(after_help = "Example: vtrace profile assets/cup.glb --out out/profile")]
+pub struct ProfileArgs {
+    /// Scene, a .glb or .gltf file
+    scene: PathBuf,
+    /// Print JSON in place of the table
+    #[arg(long)]
+    json: bool,
+    /// Write profile.json, profile.txt and profile.svg into this folder too
+    #[arg(long, value_name = "DIR")]
+    out: Option<PathBuf>,
+    /// Measure one small image and one small mirror, in seconds
+    #[arg(long)]
+    quick: bool,
+    /// Device to measure, by name or by index of `vtrace devices`
+    #[arg(long, value_name = "NAME|INDEX", help_heading = "Machine")]
+    device: Option<String>,
+    #[command(flatten)]
+    threads: ThreadArgs,
+}
+
+pub(super) fn run(args: &ProfileArgs) -> Result<()> {
+    args.threads.apply()?;
+    let scene = scene::load(&args.scene, &SceneOptions::default())?;
+    if let Some(folder) = &args.out {
+        std::fs::create_dir_all(folder).map_err(Error::io(folder))?;
+    }
+    let gpu = Gpu::new(&DeviceOptions { device: args.device.clone(), ..DeviceOptions::default() })?;
+    let plan = if args.quick { measure::Plan::quick() } else { measure::Plan::full() };
+    let bar = terminal::Progress::new("measuring");
+    let profile = measure::measure(&gpu, &scene, &plan, &|share| bar.set(share))?;
+    drop(bar);
+    let json = format!("{:#}\n", serde_json::json!(profile));
+    if let Some(folder) = &args.out {
+        write_file(&folder.join("profile.json"), json.as_bytes())?;
+        write_file(&folder.join("profile.txt"), profile.to_string().as_bytes())?;
+        write_plot(&folder.join("profile.svg"), &profile)?;
+    }
+    terminal::print(&if args.json { json } else { profile.to_string() })
+}
+
+#[cfg(feature = "plots")]
+fn write_plot(path: &std::path::Path, profile: &Profile) -> Result<()> {
+    let svg = crate::report::profile::plot::svg(profile).map_err(|error| Error::Image {
+        path: path.into(),
+        problem: format!("cannot be plotted: {error}"),
+    })?;
+    write_file(path, svg.as_bytes())
+}
+
+#[cfg(not(feature = "plots"))]
+fn write_plot(path: &std::path::Path, _: &Profile) -> Result<()> {
+    terminal::note(&format!("{} is left out: built without the feature `plots`", path.display()));
+    Ok(())
+}
