@@ -174,7 +174,8 @@ fn mirrored_textures(lab: &Lab) -> Result<Claim> {
         claim: "Despite a texture's radiance variance, no denser sampling is necessary for its reflection (§5)",
         measured: format!(
             "mirror sphere over the chessboard, to the same error of 3 pixels: {coarse} samples, and {fine} where \
-             the chessboard has 64 times as many squares"
+             the chessboard has 64 times as many squares (no texel is looked at, but displacements are weighed \
+             by what they change in the texture)"
         ),
         judged: "at most 1.1 times the samples",
         holds: fine as f64 <= 1.1 * coarse as f64,

@@ -161,7 +161,7 @@ fn leaning_mirror(height: f32) -> Result<Scene> {
         )
         .mesh("wall", shape::plane(Vec3::new(9.0, 0.0, 6.0), Vec3::NEG_X * 18.0, Vec3::Y * 9.0, 2.0), wall);
     scene.point_light(Vec3::new(1.0, 4.0, 3.0), Vec3::splat(90.0));
-    scene.camera(Camera::look_at(Vec3::new(0.6, 2.0, 3.0), Vec3::new(0.0, 0.9, -1.0), 0.8));
+    scene.camera(Camera::look_at(Vec3::new(0.6, 1.9, 2.4), Vec3::new(0.0, 0.75, -1.0), 0.8));
     scene.build()
 }
 
