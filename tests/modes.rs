@@ -10,7 +10,7 @@ use vertex_tracing::{
     error::Result,
     frame::{Frame, Renderer, Step},
     gpu::{self, Gpu, Messages},
-    options::{Equation, MethodOptions, Mode, Options, Reconstruction, Show, ViewOptions},
+    options::{Equation, MethodOptions, Mode, Options, Reconstruction, Show, ViewOptions, VisibilityWay},
     report::{
         FloatImage,
         metrics::{Encoding, compare},
@@ -360,6 +360,24 @@ fn steps_add_samples_and_never_error() {
                 last.2,
                 "{what}"
             );
+        }
+    }
+    bench.finish();
+}
+
+#[test]
+fn showing_the_steps_does_not_change_the_image() {
+    let bench = Bench::new();
+    let scene = Demo::Cup.scene();
+    for visibility in [VisibilityWay::IdBuffer, VisibilityWay::SinglePass, VisibilityWay::Device] {
+        for reconstruction in RECONSTRUCTIONS {
+            let mut options = options(Mode::MultiPass, Equation::Three, reconstruction);
+            options.method.visibility = visibility;
+            let view = options.view.resolve(&scene).unwrap();
+            let plain = bench.render(&scene, &options).image;
+            let mut renderer = Renderer::new(&bench.gpu, &scene, &options).unwrap();
+            let watched = renderer.render_steps(&view, Some(&mut |_| Ok(()))).unwrap().image;
+            assert!(plain == watched, "{visibility} {reconstruction}: {:.1} dB", psnr(&plain, &watched));
         }
     }
     bench.finish();
