@@ -5,6 +5,7 @@ use std::fs;
 
 use glam::{DVec3, Vec2, Vec3, Vec4};
 use serde_json::json;
+use vertex_tracing::constants::MAX_LIGHTS;
 use vertex_tracing::error::Error;
 use vertex_tracing::scene::gltf::{Limits, load};
 use vertex_tracing::scene::{LightKind, Projection, Scene};
@@ -416,7 +417,7 @@ fn lights_in_world_space() {
 }
 
 #[test]
-fn at_most_32_lights() {
+fn lights_beyond_the_most_are_dropped_with_a_note() {
     let mut model = Model::triangle();
     model.json["extensions"] = json!({"KHR_lights_punctual": {"lights": [{"type": "point"}]}});
     for _ in 0..40 {
@@ -425,8 +426,8 @@ fn at_most_32_lights() {
         push(&mut model.json["scenes"][0]["nodes"], json!(node));
     }
     let scene = model.load();
-    assert_eq!(scene.lights.len(), 32);
-    assert!(noted(&scene, "8 lights"));
+    assert_eq!(scene.lights.len(), MAX_LIGHTS as usize);
+    assert!(noted(&scene, "32 lights beyond the first 8 are dropped"));
 }
 
 #[test]
