@@ -319,3 +319,11 @@ fn a_file_without_optional_parts_is_valid() {
     let file = gltf::Gltf::from_slice(&glb::encode(&scene.build().unwrap()).unwrap()).unwrap();
     assert_eq!((file.meshes().len(), file.textures().len(), file.images().len()), (1, 0, 0));
 }
+
+#[test]
+fn the_asset_is_what_the_generator_writes() {
+    let path = std::path::Path::new(env!("CARGO_MANIFEST_DIR")).join("assets/cup.glb");
+    let written = std::fs::read(path).unwrap();
+    let stale = "assets/cup.glb is stale: cargo run --release --example demo_assets -- assets cup";
+    assert!(written == Demo::Cup.glb(), "{stale}");
+}
