@@ -12,12 +12,13 @@ use crate::gpu::{Gpu, Uploads};
 use crate::options::{EffortOptions, Msaa, Options, Reconstruction, VisibilityWay};
 use crate::plan::Plan;
 use crate::reconstruct::bank::Bank;
+use crate::reconstruct::base;
 use crate::reconstruct::drawn::Drawn;
 use crate::reconstruct::frame_block::FrameBlock;
 use crate::reconstruct::leaves;
 use crate::reconstruct::nodes::{Corner, Matcher};
 use crate::reconstruct::paper;
-use crate::reconstruct::passes::{BaseDraw, BaseFaces, Painter, PassOptions};
+use crate::reconstruct::passes::{Painter, PassOptions};
 use crate::reconstruct::show::{self, FrameData, LeafKind, Overlay};
 use crate::reconstruct::supersample;
 use crate::reconstruct::table::SceneTable;
@@ -31,10 +32,10 @@ use crate::report::stats::{self, Stats};
 use crate::scene::patch::Targets;
 use crate::scene::structure::Structure;
 use crate::scene::topology::Topology;
-use crate::scene::{AlphaMode, Scene, View};
+use crate::scene::{Scene, View};
 use crate::trace::sample::Context;
 use crate::trace::{Rays, Settings, Tracer};
-use crate::visibility::{self, Adjacency, Class, Finder, Found, single_pass};
+use crate::visibility::{self, Adjacency, Class, Finder, Found};
 
 /// Bytes of the staging buffer that textures are uploaded through.
 const TEXTURE_STAGING: u64 = 32 << 20;
@@ -129,7 +130,7 @@ impl<'s> Renderer<'s> {
             scene.materials.iter().map(|m| bank.reference(m.base_color_texture)).collect();
         let single_pass = traced.is_some() && options.method.visibility == VisibilityWay::SinglePass;
         let classes = traced.as_ref().map(|traced| traced.classes.as_slice());
-        let base = base_faces(scene, &table, &base_textures, classes, single_pass);
+        let base = base::faces(scene, &table, &base_textures, classes, single_pass);
         let pass_options = PassOptions {
             reconstruction: options.method.reconstruction,
             passes: plan.passes.clone(),
@@ -470,53 +471,6 @@ fn ray_stats(vertices: Rays, pixels: Rays, _traced: usize) -> stats::Rays {
         shadow: vertices.shadow,
         pixel: pixels.total(),
     }
-}
-
-/// Faces that are drawn without samples: all of them if nothing is traced, else occluders and blended faces.
-/// In a single pass those that need samples are drawn too, marked, until leaves take their place.
-fn base_faces(
-    scene: &Scene,
-    table: &SceneTable,
-    base_textures: &[u32],
-    classes: Option<&[Class]>,
-    single_pass: bool,
-) -> BaseFaces {
-    let mut base = BaseFaces::default();
-    let mut opaque: Vec<((bool, bool, u32), usize)> = Vec::new();
-    let mut blended: Vec<usize> = Vec::new();
-    let array = |object: usize| leaves::array_of(base_textures[scene.objects[object].material as usize]);
-    for (index, object) in scene.objects.iter().enumerate() {
-        let class = classes.map_or(Class::Occluder, |classes| classes[index]);
-        let material = &scene.materials[object.material as usize];
-        let is_blended = material.alpha_mode == AlphaMode::Blend;
-        match class {
-            Class::Occluder | Class::Shadow if is_blended => blended.push(index),
-            Class::Shadow | Class::Vt if !single_pass => {}
-            _ => opaque.push(((class != Class::Occluder, !material.double_sided, array(index)), index)),
-        }
-    }
-    if opaque.is_empty() && blended.is_empty() {
-        return base;
-    }
-    opaque.sort_unstable();
-    let groups = opaque
-        .chunk_by(|a, b| a.0 == b.0)
-        .map(|group| (group[0].0, false, group.iter().map(|&(_, index)| index).collect::<Vec<_>>()));
-    let blended = blended.into_iter().map(|index| {
-        let cull = !scene.materials[scene.objects[index].material as usize].double_sided;
-        ((false, cull, array(index)), true, vec![index])
-    });
-    for ((marked, cull, array), blended, objects) in groups.chain(blended) {
-        let start = base.leaves.len() as u32;
-        for object in objects {
-            let faces = scene.objects[object].faces.clone();
-            let code = |face| if marked { single_pass::code(face) } else { 0 };
-            base.leaves.extend(faces.map(|face| leaves::base_leaf(scene, table, face, code(face))));
-        }
-        base.draws.push(BaseDraw { leaves: start..base.leaves.len() as u32, array, cull, blended, marked });
-    }
-    base.vertices = leaves::base_vertices(&scene.geometry);
-    base
 }
 
 fn ms(since: Instant) -> f64 {

@@ -1,6 +1,7 @@
 //! Reconstruction of the image from samples (paper §4; design §5).
 
 pub mod bank;
+pub mod base;
 pub mod drawn;
 pub mod frame_block;
 pub mod leaves;

@@ -4,10 +4,12 @@
 use std::collections::HashMap;
 use std::sync::Arc;
 
+use glam::Vec3;
+
 use super::bank::Bank;
 use super::drawn::Drawn;
 use super::frame_block::FrameBlock;
-use super::leaves::{GpuLeaf, GpuVertex, Group};
+use super::leaves::Group;
 use super::table::SceneTable;
 use crate::constants::*;
 use crate::error::Result;
@@ -16,7 +18,7 @@ use crate::gpu::{
     Format, Gpu, GraphicsDesc, GraphicsPipeline, Image, ImageDesc, ReadbackBuffer, ReadbackChoice, Resource,
     SetLayout, Shader, StencilMode, Targets, Uploads,
 };
-use crate::options::{Equation, Mode, Reconstruction};
+use crate::options::{Equation, Reconstruction};
 use crate::report::image::FloatImage;
 use crate::spirv;
 
@@ -40,57 +42,13 @@ pub const ARRAY_BINDINGS: [Binding; 3] = [
 ];
 
 mod base_image;
+mod describe;
+mod list;
+
+pub use describe::{BaseDraw, BaseFaces, ColorPass, Drawing, PassOptions, color_passes};
+use list::LeafList;
 
 const UPLOAD_BYTES: u64 = 16 << 20;
-
-/// One colour draw: its name and the components of Eq. 3 that it adds up.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
-pub struct ColorPass {
-    /// Name in the stats.
-    pub name: &'static str,
-    /// Bits of `COMPONENT_…`.
-    pub components: u32,
-}
-
-/// The colour passes of a mode and equation, everything included.
-pub fn color_passes(mode: Mode, equation: Equation) -> &'static [ColorPass] {
-    const ALL: [ColorPass; 1] = [ColorPass {
-        name: "multi-texture",
-        components: COMPONENT_PRIMARY
-            | COMPONENT_REFLECTED
-            | COMPONENT_TRANSMITTED
-            | COMPONENT_REFLECTED_COMB
-            | COMPONENT_TRANSMITTED_COMB,
-    }];
-    const FIVE: [ColorPass; 5] = [
-        ColorPass { name: "primary", components: COMPONENT_PRIMARY },
-        ColorPass { name: "reflected", components: COMPONENT_REFLECTED },
-        ColorPass { name: "reflected combined", components: COMPONENT_REFLECTED_COMB },
-        ColorPass { name: "transmitted", components: COMPONENT_TRANSMITTED },
-        ColorPass { name: "transmitted combined", components: COMPONENT_TRANSMITTED_COMB },
-    ];
-    const THREE: [ColorPass; 3] = [
-        ColorPass { name: "primary", components: COMPONENT_PRIMARY },
-        ColorPass { name: "reflected", components: COMPONENT_REFLECTED | COMPONENT_REFLECTED_COMB },
-        ColorPass { name: "transmitted", components: COMPONENT_TRANSMITTED | COMPONENT_TRANSMITTED_COMB },
-    ];
-    match (mode, equation) {
-        (Mode::MultiTexture, _) => &ALL,
-        (Mode::MultiPass, Equation::Three) => &FIVE,
-        (Mode::MultiPass, Equation::Four) => &THREE,
-    }
-}
-
-/// A colour pass as it was recorded.
-#[derive(Debug, Clone, Copy, PartialEq)]
-pub struct Drawing {
-    /// Its name.
-    pub name: &'static str,
-    /// Its time on the device in milliseconds; 0 on a device without a clock.
-    pub ms: f64,
-    /// Draws recorded in it.
-    pub draws: u32,
-}
 
 /// What a pipeline is made for.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
@@ -122,64 +80,6 @@ enum Mark {
     Needed,
 }
 
-/// How the image is drawn, apart from the scene and its samples.
-#[derive(Debug, Clone, PartialEq)]
-pub struct PassOptions {
-    /// How leaves are reconstructed.
-    pub reconstruction: Reconstruction,
-    /// Colour passes that a frame may have, in order; the first draws faces without samples too.
-    pub passes: Vec<ColorPass>,
-    /// Eq. 3 or Eq. 4.
-    pub equation: Equation,
-    /// Coverage samples a pixel: 1 or 4.
-    pub samples: u32,
-    /// Whether any material has textures beyond base colour and emission.
-    pub detail_textures: bool,
-    /// Whether the faces without samples are drawn before the samples are known, with those that need
-    /// samples among them: see [`Painter::draw_base`].
-    pub single_pass: bool,
-    /// Number of lights.
-    pub lights: u32,
-    /// Whether any material shows highlights.
-    pub highlights: bool,
-    /// Whether any material has a texture on its emission.
-    pub emission_textures: bool,
-    /// Whether any material has a texture on its base colour.
-    pub base_textures: bool,
-}
-
-/// Faces that are drawn without samples, by how they are drawn.
-#[derive(Debug, Default)]
-pub struct BaseFaces {
-    /// Leaf records, opaque ones first.
-    pub leaves: Vec<GpuLeaf>,
-    /// Draws over `leaves`.
-    pub draws: Vec<BaseDraw>,
-    /// Vertices of the whole scene.
-    pub vertices: Vec<GpuVertex>,
-}
-
-/// Consecutive faces without samples that are drawn alike.
-#[derive(Debug, Clone)]
-pub struct BaseDraw {
-    /// Range of leaf records.
-    pub leaves: std::ops::Range<u32>,
-    /// Array of the bank that their texture lies in.
-    pub array: u32,
-    /// Whether back faces are left out.
-    pub cull: bool,
-    /// Whether they cover by alpha.
-    pub blended: bool,
-    /// Whether they need samples, so that leaves will take their place (single-pass visibility).
-    pub marked: bool,
-}
-
-/// A list of leaves on the device: buffers grow, and are kept from frame to frame.
-struct LeafList {
-    buffers: [DeviceBuffer; 3],
-    set: DescriptorSet,
-}
-
 /// Draws the frames of one scene.
 pub struct Painter {
     gpu: Arc<Gpu>,
@@ -199,7 +99,6 @@ pub struct Painter {
     /// What [`draw_base`](Self::draw_base) was drawn for, if nothing was drawn upon it yet.
     fresh_base: Option<FrameBlock>,
     target: Option<Target>,
-    blended_order: Vec<u32>,
 }
 
 struct Target {
@@ -259,18 +158,12 @@ impl Painter {
             depth_reset,
             fresh_base: None,
             target: None,
-            blended_order: Vec::new(),
         })
     }
 
     /// The texture bank.
     pub fn bank(&self) -> &Bank {
         &self.bank
-    }
-
-    /// Sets the order in which blended base draws are drawn: far ones first.
-    pub fn set_blended_order(&mut self, order: Vec<u32>) {
-        self.blended_order = order;
     }
 
     /// Hands the leaves of a frame to the device.
@@ -406,7 +299,7 @@ impl Painter {
         for &key in &base_keys {
             self.pipeline(key)?;
         }
-        let blended = self.blended_draws();
+        let blended = self.blended_draws(block.eye);
 
         self.uploads.write(&self.frame, 0, std::slice::from_ref(block))?;
         let drawn_for = self.fresh_base.take();
@@ -488,12 +381,13 @@ impl Painter {
         Ok(drawings)
     }
 
-    fn blended_draws(&self) -> Vec<usize> {
-        let is_blended = |&draw: &usize| self.base_draws.get(draw).is_some_and(|draw| draw.blended);
-        if self.blended_order.is_empty() {
-            return (0..self.base_draws.len()).filter(is_blended).collect();
-        }
-        self.blended_order.iter().map(|&draw| draw as usize).filter(is_blended).collect()
+    /// Blended draws, those farthest from `eye` first.
+    fn blended_draws(&self, eye: Vec3) -> Vec<usize> {
+        let mut blended: Vec<usize> =
+            (0..self.base_draws.len()).filter(|&draw| self.base_draws[draw].blended).collect();
+        let distance = |draw: usize| self.base_draws[draw].centre.distance_squared(eye);
+        blended.sort_by(|&a, &b| distance(b).total_cmp(&distance(a)));
+        blended
     }
 
     /// Copies the finished image to the host, linear.
@@ -670,43 +564,5 @@ impl Target {
         };
         let depth = Some(DepthTarget { image: &self.depth, clear });
         recording.render(&Targets { colors: &[color], depth }, work);
-    }
-}
-
-impl LeafList {
-    /// `data`: vertices, leaf records, node table.
-    fn new(
-        gpu: &Arc<Gpu>,
-        layout: &SetLayout,
-        name: &str,
-        uploads: &mut Uploads,
-        data: [&[u8]; 3],
-    ) -> Result<Self> {
-        // Room to grow by half without a new buffer.
-        let make = |what: &str, data: &[u8]| {
-            let bytes = (data.len() as u64 * 3 / 2).max(256).next_multiple_of(16);
-            DeviceBuffer::new(gpu, &format!("{name} {what}"), bytes)
-        };
-        let buffers = [make("vertices", data[0])?, make("records", data[1])?, make("nodes", data[2])?];
-        let set = layout.set(
-            name,
-            &[
-                ("vertices", Resource::Buffer(&buffers[0])),
-                ("leaves", Resource::Buffer(&buffers[1])),
-                ("node_table", Resource::Buffer(&buffers[2])),
-            ],
-        )?;
-        let list = Self { buffers, set };
-        list.write(uploads, data)?;
-        Ok(list)
-    }
-
-    fn fits(&self, data: [&[u8]; 3]) -> bool {
-        self.buffers.iter().zip(data).all(|(buffer, data)| buffer.size() >= data.len() as u64)
-    }
-
-    fn write(&self, uploads: &mut Uploads, data: [&[u8]; 3]) -> Result<()> {
-        let mut parts = self.buffers.iter().zip(data).filter(|(_, data)| !data.is_empty());
-        parts.try_for_each(|(buffer, data)| uploads.write(buffer, 0, data))
     }
 }

@@ -1,0 +1,72 @@
+//! Faces that are drawn without samples: ordinary rasterising beside vertex tracing (paper §4).
+
+use glam::Vec3;
+
+use super::leaves;
+use super::passes::{BaseDraw, BaseFaces};
+use super::table::SceneTable;
+use crate::scene::{AlphaMode, Scene};
+use crate::visibility::{Class, single_pass};
+
+/// Faces that are drawn without samples: all of them if nothing is traced, else occluders and blended faces.
+/// In a single pass those that need samples are drawn too, marked, until leaves take their place.
+pub fn faces(
+    scene: &Scene,
+    table: &SceneTable,
+    base_textures: &[u32],
+    classes: Option<&[Class]>,
+    single_pass: bool,
+) -> BaseFaces {
+    let mut base = BaseFaces::default();
+    let mut opaque: Vec<((bool, bool, u32), usize)> = Vec::new();
+    let mut blended: Vec<usize> = Vec::new();
+    let array = |object: usize| leaves::array_of(base_textures[scene.objects[object].material as usize]);
+    for (index, object) in scene.objects.iter().enumerate() {
+        let class = classes.map_or(Class::Occluder, |classes| classes[index]);
+        let material = &scene.materials[object.material as usize];
+        let is_blended = material.alpha_mode == AlphaMode::Blend;
+        match class {
+            Class::Occluder | Class::Shadow if is_blended => blended.push(index),
+            Class::Shadow | Class::Vt if !single_pass => {}
+            _ => opaque.push(((class != Class::Occluder, !material.double_sided, array(index)), index)),
+        }
+    }
+    if opaque.is_empty() && blended.is_empty() {
+        return base;
+    }
+    opaque.sort_unstable();
+    let groups = opaque
+        .chunk_by(|a, b| a.0 == b.0)
+        .map(|group| (group[0].0, false, group.iter().map(|&(_, index)| index).collect::<Vec<_>>()));
+    let blended = blended.into_iter().map(|index| {
+        let cull = !scene.materials[scene.objects[index].material as usize].double_sided;
+        ((false, cull, array(index)), true, vec![index])
+    });
+    for ((marked, cull, array), blended, objects) in groups.chain(blended) {
+        let start = base.leaves.len() as u32;
+        let centre = centre(scene, &objects);
+        for object in objects {
+            let faces = scene.objects[object].faces.clone();
+            let code = |face| if marked { single_pass::code(face) } else { 0 };
+            base.leaves.extend(faces.map(|face| leaves::base_leaf(scene, table, face, code(face))));
+        }
+        base.draws.push(BaseDraw {
+            leaves: start..base.leaves.len() as u32,
+            centre,
+            array,
+            cull,
+            blended,
+            marked,
+        });
+    }
+    base.vertices = leaves::base_vertices(&scene.geometry);
+    base
+}
+
+/// Mean of the vertices of `objects`.
+fn centre(scene: &Scene, objects: &[usize]) -> Vec3 {
+    let vertices = objects.iter().flat_map(|&object| scene.objects[object].vertices.clone());
+    let (sum, count) = vertices
+        .fold((Vec3::ZERO, 0_u32), |(sum, count), v| (sum + scene.geometry.positions[v as usize], count + 1));
+    sum / count.max(1) as f32
+}

@@ -1,0 +1,50 @@
+//! A list of leaves on the device, in buffers that are kept from frame to frame.
+
+use std::sync::Arc;
+
+use crate::error::Result;
+use crate::gpu::{DescriptorSet, DeviceBuffer, Gpu, Resource, SetLayout, Uploads};
+
+/// A list of leaves on the device: buffers grow, and are kept from frame to frame.
+pub(super) struct LeafList {
+    buffers: [DeviceBuffer; 3],
+    pub(super) set: DescriptorSet,
+}
+
+impl LeafList {
+    /// `data`: vertices, leaf records, node table.
+    pub(super) fn new(
+        gpu: &Arc<Gpu>,
+        layout: &SetLayout,
+        name: &str,
+        uploads: &mut Uploads,
+        data: [&[u8]; 3],
+    ) -> Result<Self> {
+        // Room to grow by half without a new buffer.
+        let make = |what: &str, data: &[u8]| {
+            let bytes = (data.len() as u64 * 3 / 2).max(256).next_multiple_of(16);
+            DeviceBuffer::new(gpu, &format!("{name} {what}"), bytes)
+        };
+        let buffers = [make("vertices", data[0])?, make("records", data[1])?, make("nodes", data[2])?];
+        let set = layout.set(
+            name,
+            &[
+                ("vertices", Resource::Buffer(&buffers[0])),
+                ("leaves", Resource::Buffer(&buffers[1])),
+                ("node_table", Resource::Buffer(&buffers[2])),
+            ],
+        )?;
+        let list = Self { buffers, set };
+        list.write(uploads, data)?;
+        Ok(list)
+    }
+
+    pub(super) fn fits(&self, data: [&[u8]; 3]) -> bool {
+        self.buffers.iter().zip(data).all(|(buffer, data)| buffer.size() >= data.len() as u64)
+    }
+
+    pub(super) fn write(&self, uploads: &mut Uploads, data: [&[u8]; 3]) -> Result<()> {
+        let mut parts = self.buffers.iter().zip(data).filter(|(_, data)| !data.is_empty());
+        parts.try_for_each(|(buffer, data)| uploads.write(buffer, 0, data))
+    }
+}
