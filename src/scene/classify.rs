@@ -55,6 +55,15 @@ pub fn classify(scene: &mut Scene, rules: &VtRules) -> Result<()> {
         };
         scene.objects[index].vt = vt && !scene.materials[scene.objects[index].material as usize].unlit;
     }
+    for (index, material) in scene.materials.iter().enumerate() {
+        let specular = || scene.objects.iter().any(|object| object.vt && object.material as usize == index);
+        if material.normal_texture.is_some() && specular() {
+            scene.notes.push(format!(
+                "material {}: what its normal map reflects is followed from its vertices, and blurred between them",
+                material.name
+            ));
+        }
+    }
     Ok(())
 }
 
