@@ -69,7 +69,7 @@ pub struct PassOptions {
     /// Whether any material has textures beyond base colour and emission.
     pub detail_textures: bool,
     /// Whether the faces without samples are drawn before the samples are known, with those that need
-    /// samples among them: see [`Painter::draw_base`].
+    /// samples among them: see [`Painter::draw_base`](super::Painter::draw_base).
     pub single_pass: bool,
     /// Number of lights.
     pub lights: u32,
