@@ -397,7 +397,7 @@ impl Job<'_> {
         stats.time_ms.refine = refined - refiner.samples.time.as_secs_f64() * 1e3 + ms(time);
 
         stats.samples = refiner.samples.len() as u64;
-        stats.rays = ray_stats(refiner.samples.rays, pixel_rays, traced_pixels.len());
+        stats.rays = ray_stats(refiner.samples.rays, pixel_rays);
         stats.steps = u64::from(refiner.steps);
         stats.stopped_by = Some(match stopped_by {
             StoppedBy::Error => stats::StoppedBy::Error,
@@ -462,7 +462,8 @@ impl Job<'_> {
     }
 }
 
-fn ray_stats(vertices: Rays, pixels: Rays, _traced: usize) -> stats::Rays {
+/// Rays of the vertices by kind, and all rays of the pixels that were traced one by one.
+fn ray_stats(vertices: Rays, pixels: Rays) -> stats::Rays {
     stats::Rays {
         total: vertices.total() + pixels.total(),
         primary: vertices.primary,

@@ -86,10 +86,9 @@ impl Predictor<'_> {
         let primary = middle.sample.primary;
         let shadow_border = a.lit != b.lit || a.lit != primary.lit;
         if shadow_border || self.reconstruction == Reconstruction::Paper {
-            let rms = Vec3::ONE;
             let textured = primary.local.textured - (a.local.textured + b.local.textured) * 0.5;
             let added = primary.local.added - (a.local.added + b.local.added) * 0.5;
-            deviation.color += mean_square(textured * rms + added);
+            deviation.color += mean_square(textured + added);
         }
         deviation
     }
