@@ -17,7 +17,7 @@ const ALLOWED: [(&str, &[&str]); 11] = [
     // The image type and the stats' entries are what reconstruction hands on.
     ("reconstruct", &["scene", "options", "gpu", "visibility", "trace", "refine", "report"]),
     ("report", &["scene", "options", "gpu", "visibility", "frame"]),
-    ("plan", &["scene", "options", "reconstruct", "report"]),
+    ("plan", &["scene", "options", "visibility", "reconstruct", "report"]),
     ("frame", &["scene", "options", "gpu", "visibility", "trace", "refine", "reconstruct", "report", "plan"]),
     ("cli", &["scene", "options", "gpu", "trace", "report", "frame", "plan"]),
 ];

@@ -7,6 +7,7 @@ pub mod args;
 mod compare;
 mod devices;
 pub mod output;
+mod plan;
 mod profile;
 mod reference;
 pub mod render;
@@ -36,6 +37,7 @@ enum Command {
     Compare(compare::CompareArgs),
     Devices(devices::DevicesArgs),
     Profile(profile::ProfileArgs),
+    Plan(Box<plan::PlanArgs>),
 }
 
 /// Why a command did not do its work.
@@ -79,6 +81,7 @@ pub fn main() -> ExitCode {
             Command::Compare(args) => compare::run(&args)?,
             Command::Devices(args) => devices::run(&args)?,
             Command::Profile(args) => profile::run(&args)?,
+            Command::Plan(args) => plan::run(&args)?,
         }
         Ok(())
     });
