@@ -229,7 +229,7 @@ impl Painter {
         for key in &keys {
             self.pipeline(*key)?;
         }
-        if self.dynamic.is_none() {
+        if has_leaves && self.dynamic.is_none() {
             self.upload(&Drawn::blank(self.options.reconstruction))?;
         }
         self.array_set([0; 3])?;
@@ -246,13 +246,13 @@ impl Painter {
             array_sets,
             ..
         } = self;
-        let (Some(target), Some(leaves)) = (target, dynamic) else { return Ok(()) };
+        let Some(target) = target else { return Ok(()) };
         let mut recording = commands.begin()?;
         uploads.record(&mut recording);
         target.render(&mut recording, true, |draws| {
             draws.scissor([0, 0, 1, 1]);
             for (index, key) in keys.iter().enumerate() {
-                let list = if index < of_leaves { &*leaves } else { &*base };
+                let list = dynamic.as_ref().filter(|_| index < of_leaves).unwrap_or(base);
                 if let Some(pipeline) = pipelines.get(key) {
                     draws.pipeline(pipeline).set(0, scene_set).set(1, &list.set);
                     draws.set(2, &array_sets[&[0; 3]]).draw(0..3);
