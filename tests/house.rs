@@ -111,6 +111,19 @@ fn only_gpu_names_ash_and_is_unsafe() {
     }
 }
 
+/// Crates that a feature brings, and the only place that may name them.
+#[test]
+fn optional_crates_stay_where_their_feature_is() {
+    for (file, code) in files() {
+        let place = file.rsplit_once("/src/").map_or(file.as_str(), |(_, inside)| inside);
+        let named = |name: &str| code.contains(&format!("{name}::"));
+        for name in ["clap", "ctrlc", "env_logger", "indicatif"] {
+            assert!(!named(name) || place.starts_with("cli/"), "{file} names {name}, which only `cli` brings");
+        }
+        assert!(!named("plotters") || place.ends_with("plot.rs"), "{file} names plotters: only plots do");
+    }
+}
+
 #[test]
 fn braced_lists_are_read() {
     let code = "use crate::{a, b::{c, d}, e};\nlet x = crate::f::g();";

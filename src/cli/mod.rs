@@ -8,6 +8,7 @@ mod compare;
 mod devices;
 pub mod output;
 mod plan;
+#[cfg(feature = "bench")]
 mod profile;
 mod reference;
 pub mod render;
@@ -36,6 +37,7 @@ enum Command {
     Reference(Box<reference::ReferenceArgs>),
     Compare(compare::CompareArgs),
     Devices(devices::DevicesArgs),
+    #[cfg(feature = "bench")]
     Profile(profile::ProfileArgs),
     Plan(Box<plan::PlanArgs>),
 }
@@ -80,6 +82,7 @@ pub fn main() -> ExitCode {
             Command::Reference(args) => reference::run(&args)?,
             Command::Compare(args) => compare::run(&args)?,
             Command::Devices(args) => devices::run(&args)?,
+            #[cfg(feature = "bench")]
             Command::Profile(args) => profile::run(&args)?,
             Command::Plan(args) => plan::run(&args)?,
         }
