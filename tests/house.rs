@@ -118,7 +118,10 @@ fn optional_crates_stay_where_their_feature_is() {
         let place = file.rsplit_once("/src/").map_or(file.as_str(), |(_, inside)| inside);
         let named = |name: &str| code.contains(&format!("{name}::"));
         for name in ["clap", "ctrlc", "env_logger", "indicatif"] {
-            assert!(!named(name) || place.starts_with("cli/"), "{file} names {name}, which only `cli` brings");
+            assert!(
+                !named(name) || place.starts_with("cli/"),
+                "{file} names {name}, which only `cli` brings"
+            );
         }
         assert!(!named("plotters") || place.ends_with("plot.rs"), "{file} names plotters: only plots do");
     }

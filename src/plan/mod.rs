@@ -8,7 +8,7 @@ pub use cost::{Cost, Resource};
 pub use summary::{Saved, Summary};
 
 use crate::constants::*;
-use crate::options::{Msaa, Options, Reconstruction, Shadows, Ss};
+use crate::options::{FilterMode, Msaa, Options, Reconstruction, Shadows, Ss};
 use crate::reconstruct::bank::Wanted;
 use crate::reconstruct::passes::{ColorPass, color_passes};
 use crate::report::stats::LeftOut;
@@ -177,13 +177,10 @@ impl Plan {
             let all = unused == 0 || options.everything;
             let unused = format!("{unused} of {} textures", used.textures.len());
             needs.part(all, if all { "all textures" } else { &unused }, "no material in use shows them");
+            let mipped = textures.of(scene).any(|(_, texture)| texture.sampler.mip.is_some());
+            let forced = options.method.filter != FilterMode::File;
+            needs.part(mipped || forced, "mip levels", "no sampler asks for them");
         }
-        let mipped = textures.of(scene).any(|(_, texture)| texture.sampler.mip.is_some());
-        needs.part(
-            mipped || used.textures.is_empty() || options.method.filter != Default::default(),
-            "mip levels",
-            "no sampler asks for them",
-        );
         needs.option(options.method.msaa == Msaa::One, "multisampling", "--msaa 1");
         needs.option(options.method.ss == Ss::One, "supersampling", "--ss 1");
         Self {
