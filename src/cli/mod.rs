@@ -4,6 +4,7 @@
 //! serve, 2 wrong usage, 130 interrupted.
 
 pub mod args;
+mod bench;
 mod compare;
 mod devices;
 pub mod output;
@@ -36,6 +37,7 @@ enum Command {
     Compare(compare::CompareArgs),
     Devices(devices::DevicesArgs),
     Profile(profile::ProfileArgs),
+    Bench(Box<bench::BenchArgs>),
 }
 
 /// Why a command did not do its work.
@@ -79,6 +81,7 @@ pub fn main() -> ExitCode {
             Command::Compare(args) => compare::run(&args)?,
             Command::Devices(args) => devices::run(&args)?,
             Command::Profile(args) => profile::run(&args)?,
+            Command::Bench(args) => bench::run(&args)?,
         }
         Ok(())
     });

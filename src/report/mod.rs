@@ -1,9 +1,11 @@
 //! What came out: images, their difference, and what the frame did.
 
+pub mod bench;
 pub mod flip;
 pub mod image;
 pub mod metrics;
 pub mod output;
+pub mod page;
 mod pfm;
 pub mod profile;
 pub mod stats;

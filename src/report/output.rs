@@ -53,10 +53,7 @@ fn unknown(path: &Path, problem: &str) -> Error {
 /// is left behind, and a file that was there before is still there.
 pub fn write_image(path: &Path, image: &FloatImage, exposure: f32) -> Result<()> {
     let bytes = match Format::of(path)? {
-        Format::Png => {
-            let rgb: Vec<u8> = image.pixels.iter().flatten().map(|&v| to_byte(v * exposure.exp2())).collect();
-            encode(path, &rgb, image, ExtendedColorType::Rgb8, ImageFormat::Png)?
-        }
+        Format::Png => to_png(path, image, exposure)?,
         Format::Exr => {
             let rgb = bytemuck::cast_slice(image.pixels.as_flattened());
             encode(path, rgb, image, ExtendedColorType::Rgb32F, ImageFormat::OpenExr)?
@@ -64,6 +61,15 @@ pub fn write_image(path: &Path, image: &FloatImage, exposure: f32) -> Result<()>
         Format::Pfm => pfm::encode(image),
     };
     write_file(path, &bytes)
+}
+
+/// `image` as the bytes of a PNG, scaled by 2^`exposure`, clamped and sRGB-encoded; `path` names it in errors.
+///
+/// # Errors
+/// [`Error::Image`] with what the encoder says.
+pub fn to_png(path: &Path, image: &FloatImage, exposure: f32) -> Result<Vec<u8>> {
+    let rgb: Vec<u8> = image.pixels.iter().flatten().map(|&v| to_byte(v * exposure.exp2())).collect();
+    encode(path, &rgb, image, ExtendedColorType::Rgb8, ImageFormat::Png)
 }
 
 /// A linear value as an sRGB byte; NaN is black.

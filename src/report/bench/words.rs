@@ -1,0 +1,139 @@
+//! What a bench shows, in sentences made from its numbers.
+
+use super::crossover::{At, Crossing, Pace, crossings};
+use super::fit::power_law;
+use super::ladder::Family;
+use super::{Bench, Metric, Point, Region};
+
+/// Every finding of a bench, in the order of importance.
+pub fn findings(bench: &Bench) -> Vec<String> {
+    let region = if bench.vt_pixels > 0 { Region::Vt } else { Region::Whole };
+    let mut lines = Vec::new();
+    if bench.vt_pixels == 0 {
+        lines.push("No pixel shows a specular object: there is nothing for vertex tracing to gain.".into());
+    }
+    for against in [Family::Tracer, Family::Hybrid] {
+        for family in families(bench) {
+            lines.extend(pays(bench, &family, &against, region, Metric::Rmse));
+        }
+    }
+    lines.extend(floor(bench));
+    lines.extend(predicted(bench));
+    lines
+}
+
+/// The ways of ours, in the order that they were measured.
+fn families(bench: &Bench) -> Vec<Family> {
+    let mut families: Vec<Family> = Vec::new();
+    for point in bench.points.iter().filter(|point| point.family.is_ours()) {
+        if !families.contains(&point.family) {
+            families.push(point.family.clone());
+        }
+    }
+    families
+}
+
+/// Whether, and where, one way of ours takes less time than a tracer for the same error.
+fn pays(bench: &Bench, family: &Family, against: &Family, region: Region, metric: Metric) -> Option<String> {
+    let wanted = |pace: &&Pace| (&pace.against, pace.region, pace.metric) == (against, region, metric);
+    let rungs: Vec<(&Point, &Pace)> = bench
+        .points
+        .iter()
+        .filter(|point| &point.family == family)
+        .filter_map(|point| Some((point, point.paces.iter().find(wanted)?)))
+        .collect();
+    let best = rungs.iter().max_by(|a, b| a.1.ratio.total_cmp(&b.1.ratio))?;
+    let worst = rungs.iter().min_by(|a, b| a.1.ratio.total_cmp(&b.1.ratio))?;
+    let side = |(point, pace): &(&Point, &Pace)| {
+        let error = point.error(region).map_or(0.0, |error| metric.of(error));
+        (error, pace.ratio, point.time.median_ms)
+    };
+    let name = format!("{} against the {against}, same {} over {}", family, metric.words(), of(region));
+    let verdict = match (best.1.ratio > 1.0, worst.1.ratio > 1.0) {
+        (_, true) => format!("pays at every effort: {} to {}", told(worst), told(best)),
+        (false, _) => format!("does not pay at any effort: {} to {}", told(worst), told(best)),
+        _ => {
+            let crossed: Vec<String> =
+                crossings(rungs.iter().map(side).collect()).iter().map(|at| passes(at, metric)).collect();
+            format!("{}; from {} to {}", crossed.join("; "), told(worst), told(best))
+        }
+    };
+    Some(format!("{}: {verdict}.", capital(&name)))
+}
+
+/// Where the ratio passes 1.
+fn passes(at: &Crossing, metric: Metric) -> String {
+    let side = if at.faster_before { "above" } else { "below" };
+    format!("pays {side} {} {:.4}, which takes {:.0} ms", metric.words(), at.error, at.ms)
+}
+
+/// `1.4 times as fast with 4000 samples`, or a bound on it.
+fn told((point, pace): &(&Point, &Pace)) -> String {
+    let bound = match pace.at {
+        At::Exactly(_) => "",
+        At::AtMost(_) => "at most ",
+        At::MoreThan(_) => "more than ",
+    };
+    format!("{bound}{} times as fast ({})", factor(pace.ratio), point.effort)
+}
+
+/// Two digits that matter.
+fn factor(ratio: f64) -> String {
+    match ratio {
+        10.0.. => format!("{ratio:.0}"),
+        1.0.. => format!("{ratio:.1}"),
+        _ => format!("{ratio:.2}"),
+    }
+}
+
+fn of(region: Region) -> &'static str {
+    match region {
+        Region::Vt => "VT pixels",
+        Region::Whole => "the whole image",
+    }
+}
+
+/// How much of the cheapest frame is rasterisation that no ray tracing replaces.
+fn floor(bench: &Bench) -> Vec<String> {
+    let line = |floor: &super::Floor| {
+        let smoothed = |family: &Family| matches!(family, Family::VertexTracing { antialiasing, .. } if *antialiasing == floor.antialiasing);
+        let cheapest = bench
+            .points
+            .iter()
+            .filter(|point| smoothed(&point.family))
+            .min_by(|a, b| a.time.median_ms.total_cmp(&b.time.median_ms))?;
+        let share = 100.0 * floor.time.median_ms / cheapest.time.median_ms.max(1e-9);
+        Some(format!(
+            "Raster floor with {}: {:.1} ms, {share:.0} % of the fastest frame ({}, {:.1} ms).",
+            crate::options::Choice::name(floor.antialiasing),
+            floor.time.median_ms,
+            cheapest.effort,
+            cheapest.time.median_ms
+        ))
+    };
+    bench.floors.iter().filter_map(line).collect()
+}
+
+/// Whether the predicted error tells the measured one.
+fn predicted(bench: &Bench) -> Option<String> {
+    let points = prediction(bench);
+    let fit = power_law(&points)?;
+    Some(format!(
+        "Measured RMSE over VT pixels grows with the predicted displacement to the power of {:.2} (r² {:.2}, {} \
+         points).",
+        fit.exponent,
+        fit.r2,
+        points.len()
+    ))
+}
+
+/// Predicted displacement in pixels, and measured RMSE over VT pixels, of every point that has both.
+pub fn prediction(bench: &Bench) -> Vec<(f64, f64)> {
+    let pair = |point: &Point| Some((point.predicted_error?, point.vt.as_ref()?.rmse));
+    bench.points.iter().filter_map(pair).filter(|(predicted, rmse)| *predicted > 0.0 && *rmse > 0.0).collect()
+}
+
+fn capital(text: &str) -> String {
+    let mut letters = text.chars();
+    letters.next().map_or(String::new(), |first| first.to_uppercase().chain(letters).collect())
+}
