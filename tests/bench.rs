@@ -11,7 +11,7 @@ use proptest::prelude::*;
 use vertex_tracing::gpu::Gpu;
 use vertex_tracing::options::{Choice, Reconstruction, Ss};
 use vertex_tracing::report::bench::crossover::{self, At, time_at};
-use vertex_tracing::report::bench::fit::power_law;
+use vertex_tracing::report::bench::fit::{Fit, power_law};
 use vertex_tracing::report::bench::ladder::{Antialiasing, Family, Job, Ladder, Outside, Rate};
 use vertex_tracing::report::bench::measure::measure;
 use vertex_tracing::report::bench::rounds::{Observer, rounds};
@@ -91,7 +91,7 @@ fn bench(own: &[(f64, f32)]) -> Bench {
 fn series() -> Series {
     let time = |ms| Spread { median_ms: ms, p10_ms: ms, p90_ms: ms };
     let points = [(1.0, 3.0), (4.0, 6.0)].map(|(value, ms)| Sample { value, time: time(ms) });
-    let fit = power_law(&[(1.0, 3.0), (4.0, 6.0)]);
+    let fit = Some(Fit { exponent: 0.5, r2: 1.0 });
     Series {
         axis: "pixels",
         scene: "cup".into(),
@@ -166,21 +166,36 @@ fn ratios_come_from_the_same_error_by_each_measure() {
 fn words_say_where_it_pays() {
     let first = |own: &[(f64, f32)]| bench(own).findings[0].clone();
     let always = first(&[(20.0, 0.4), (50.0, 0.2)]);
-    assert!(always.contains("pays at every effort: 4.0 times as fast (200 samples) to 5.0 times"), "{always}");
+    assert!(
+        always.contains("pays at every effort: 4.0 times as fast (200 samples) to 5.0 times"),
+        "{always}"
+    );
     assert!(always.starts_with("Vertex tracing, exact, ss1 against the ray tracer, same RMSE"), "{always}");
     let never = first(&[(200.0, 0.4), (500.0, 0.2)]);
-    assert!(never.contains("does not pay at any effort: 0.40 times as fast (200 samples) to 0.50"), "{never}");
+    assert!(
+        never.contains("does not pay at any effort: 0.40 times as fast (200 samples) to 0.50"),
+        "{never}"
+    );
     // Faster by 2 at 0.4, slower by 2 at 0.1: alike at 0.2, where it takes 200 ms.
     let crossed = first(&[(50.0, 0.4), (800.0, 0.1)]);
-    assert!(crossed.contains("pays above RMSE 0.2000, which takes 200 ms"), "{crossed}");
+    assert!(crossed.contains("pays above RMSE 0.2000 (200 ms): 0.50 times as fast (200"), "{crossed}");
     let other_way = first(&[(200.0, 0.4), (200.0, 0.1)]);
-    assert!(other_way.contains("pays below RMSE 0.2000, which takes 200 ms"), "{other_way}");
+    assert!(other_way.contains("pays below RMSE 0.2000 (200 ms): 0.50 times as fast (100"), "{other_way}");
     let bound = first(&[(50.0, 0.5), (20.0, 0.05)]);
-    assert!(bound.contains("at most 2.0 times") && bound.contains("more than 20 times"), "{bound}");
+    let told = "pays at every effort: more than 20 times as fast (200 samples); not told, beyond the ends";
+    assert!(bound.contains(told) && bound.ends_with("ladder: 100 samples."), "{bound}");
+    let between = first(&[(200.0, 0.4), (100.0, 0.2), (800.0, 0.1)]);
+    assert!(
+        between.contains("pays between RMSE 0.2828 (141 ms) and RMSE 0.1414 (283 ms): 0.50"),
+        "{between}"
+    );
     // Other sentences: the floor, and what prediction is worth.
     let all = bench(&[(20.0, 0.4), (50.0, 0.2)]).findings.join("\n");
-    assert!(all.contains("Raster floor with ss1: 5.0 ms, 25 % of the fastest frame (100 samples, 20.0 ms)."), "{all}");
-    assert!(all.contains("to the power of 1.00 (r² 1.00, 5 points)"), "{all}");
+    assert!(
+        all.contains("Raster floor with ss1: 5.0 ms, 25 % of the fastest frame (100 samples, 20.0 ms)."),
+        "{all}"
+    );
+    assert!(all.contains("to the power of 1.00 (r² 1.00, 2 points)"), "{all}");
 }
 
 #[test]
@@ -309,7 +324,9 @@ fn assert_self_contained(html: &str) {
     for outside in ["http:", "https:", "//", "@import", "<link", "<script", "<iframe", "url("] {
         let found = html.match_indices(outside).find(|(at, _)| {
             // Base64 has slashes.
-            !html[..*at].rsplit_once('"').is_some_and(|(_, before)| before.starts_with("data:image/png;base64,"))
+            !html[..*at]
+                .rsplit_once('"')
+                .is_some_and(|(_, before)| before.starts_with("data:image/png;base64,"))
         });
         assert_eq!(found, None, "{outside}");
     }
@@ -396,7 +413,11 @@ fn a_small_ladder_is_measured() {
     let points = &measured.bench.points;
     let of = |family: &Family| -> Vec<&Point> { points.iter().filter(|p| p.family == *family).collect() };
     let (own, traced, hybrid) = (of(&ours()), of(&Family::Tracer), of(&Family::Hybrid));
-    assert_eq!((own.len(), traced.len(), hybrid.len()), (3, 3, 3), "nothing was left to refine after two million");
+    assert_eq!(
+        (own.len(), traced.len(), hybrid.len()),
+        (3, 3, 3),
+        "nothing was left to refine after two million"
+    );
     let vt = |point: &Point| point.vt.unwrap().rmse;
     assert!(vt(own[2]) < vt(own[0]), "more samples, less error");
     assert!(vt(traced[2]) < vt(traced[1]) && vt(traced[1]) < vt(traced[0]), "so for the tracer");
@@ -448,15 +469,20 @@ fn vtrace(folder: &std::path::Path, arguments: &str) -> Output {
 fn the_command_writes_every_file() {
     let folder = tempfile::tempdir().unwrap();
     fs::write(folder.path().join("scene.glb"), Demo::Sphere.glb()).unwrap();
-    write_image(&folder.path().join("other.png"), &FloatImage::from_fn(80, 64, |_, _| [0.2; 3]), 0.0).unwrap();
+    write_image(&folder.path().join("other.png"), &FloatImage::from_fn(80, 64, |_, _| [0.2; 3]), 0.0)
+        .unwrap();
     let output = vtrace(
         folder.path(),
         "bench scene.glb --out deep/out --size 80x64 --samples 200 --spp 1/4,1,4 --repeats 1 --reference-spp 4 \
          --reconstruction exact --antialiasing ss1 --compare other=other.png,0.5 --scaling=quick",
     );
-    let (stdout, stderr) = (String::from_utf8(output.stdout).unwrap(), String::from_utf8(output.stderr).unwrap());
+    let (stdout, stderr) =
+        (String::from_utf8(output.stdout).unwrap(), String::from_utf8(output.stderr).unwrap());
     assert_eq!(output.status.code(), Some(0), "{stderr}");
-    assert!(stdout.contains("against the ray tracer, same RMSE") && stdout.contains("index.html"), "{stdout}");
+    assert!(
+        stdout.contains("against the ray tracer, same RMSE") && stdout.contains("index.html"),
+        "{stdout}"
+    );
     let read = |name: &str| fs::read_to_string(folder.path().join("deep/out").join(name)).unwrap();
     let html = read("index.html");
     assert_well_formed(&html);
@@ -494,7 +520,11 @@ fn what_cannot_be_measured_is_said_in_one_line() {
         ("bench absent.glb --out o", 1, "absent.glb: "),
         ("bench scene.glb --out file", 1, "file"),
         ("bench scene.glb --out /proc/o", 1, "/proc/o"),
-        ("bench scene.glb --out o --compare other=other.png,1", 1, "other.png has 8x4 pixels, the bench 80x64"),
+        (
+            "bench scene.glb --out o --compare other=other.png,1",
+            1,
+            "other.png has 8x4 pixels, the bench 80x64",
+        ),
         ("bench scene.glb --out o --compare other=absent.png,1", 1, "absent.png"),
     ];
     for (arguments, code, expected) in table {

@@ -6,7 +6,8 @@ use std::{
     path::Path,
 };
 
-use image::{ExtendedColorType, ImageFormat};
+use image::codecs::png::{CompressionType, FilterType, PngEncoder};
+use image::{ExtendedColorType, ImageEncoder, ImageFormat};
 use serde::Serialize;
 
 use super::{FloatImage, image::srgb_encode, pfm};
@@ -53,7 +54,9 @@ fn unknown(path: &Path, problem: &str) -> Error {
 /// is left behind, and a file that was there before is still there.
 pub fn write_image(path: &Path, image: &FloatImage, exposure: f32) -> Result<()> {
     let bytes = match Format::of(path)? {
-        Format::Png => to_png(path, image, exposure)?,
+        Format::Png => {
+            encode(path, &srgb_bytes(image, exposure), image, ExtendedColorType::Rgb8, ImageFormat::Png)?
+        }
         Format::Exr => {
             let rgb = bytemuck::cast_slice(image.pixels.as_flattened());
             encode(path, rgb, image, ExtendedColorType::Rgb32F, ImageFormat::OpenExr)?
@@ -63,13 +66,20 @@ pub fn write_image(path: &Path, image: &FloatImage, exposure: f32) -> Result<()>
     write_file(path, &bytes)
 }
 
-/// `image` as the bytes of a PNG, scaled by 2^`exposure`, clamped and sRGB-encoded; `path` names it in errors.
+/// `image` as the bytes of a PNG as small as can be, clamped and sRGB-encoded.
 ///
 /// # Errors
 /// [`Error::Image`] with what the encoder says.
-pub fn to_png(path: &Path, image: &FloatImage, exposure: f32) -> Result<Vec<u8>> {
-    let rgb: Vec<u8> = image.pixels.iter().flatten().map(|&v| to_byte(v * exposure.exp2())).collect();
-    encode(path, &rgb, image, ExtendedColorType::Rgb8, ImageFormat::Png)
+pub fn small_png(image: &FloatImage) -> Result<Vec<u8>> {
+    let mut png = Vec::new();
+    PngEncoder::new_with_quality(&mut png, CompressionType::Best, FilterType::Adaptive)
+        .write_image(&srgb_bytes(image, 0.0), image.width, image.height, ExtendedColorType::Rgb8)
+        .map_err(|error| Error::Image { path: "picture".into(), problem: error.to_string() })?;
+    Ok(png)
+}
+
+fn srgb_bytes(image: &FloatImage, exposure: f32) -> Vec<u8> {
+    image.pixels.iter().flatten().map(|&v| to_byte(v * exposure.exp2())).collect()
 }
 
 /// A linear value as an sRGB byte; NaN is black.

@@ -1,7 +1,6 @@
 //! What self-contained HTML pages are made of: text, pictures inside the page, and a common look.
 
 use std::fmt::Write;
-use std::path::Path;
 
 use super::{FloatImage, output};
 use crate::error::Result;
@@ -133,7 +132,7 @@ impl Figure {
     /// # Errors
     /// What the encoder says.
     pub fn image(caption: &str, image: &FloatImage) -> Result<Self> {
-        let png = base64::encode(output::to_png(Path::new("picture in a page"), image, 0.0)?);
+        let png = base64::encode(output::small_png(image)?);
         let body = format!("<img alt=\"{}\" src=\"data:image/png;base64,{png}\">", escape(caption));
         Ok(Self { caption: caption.into(), body })
     }

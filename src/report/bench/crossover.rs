@@ -59,6 +59,18 @@ pub struct Pace {
     pub ratio: f64,
 }
 
+impl Pace {
+    /// Whether vertex tracing is the faster; `None` where a bound does not tell.
+    pub fn faster(&self) -> Option<bool> {
+        let faster = self.ratio > 1.0;
+        match self.at {
+            At::Exactly(_) => Some(faster),
+            At::AtMost(_) => (!faster).then_some(false),
+            At::MoreThan(_) => faster.then_some(true),
+        }
+    }
+}
+
 /// The rungs of (milliseconds, error) that no faster one betters, from fast to slow.
 pub fn front(mut ladder: Vec<(f64, f64)>) -> Vec<(f64, f64)> {
     ladder.retain(|(ms, error)| *ms > 0.0 && error.is_finite());

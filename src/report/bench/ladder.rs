@@ -84,12 +84,17 @@ impl Antialiasing {
     /// `options` with this anti-aliasing.
     pub fn apply(self, options: &Options) -> Options {
         let mut options = options.clone();
-        (options.method.ss, options.method.msaa) = match self {
+        (options.method.ss, options.method.msaa) = self.samples();
+        options
+    }
+
+    /// Shaded and coverage samples of a pixel.
+    pub fn samples(self) -> (Ss, Msaa) {
+        match self {
             Self::None => (Ss::One, Msaa::One),
             Self::Ss4 => (Ss::Four, Msaa::One),
             Self::Msaa4 => (Ss::One, Msaa::Four),
-        };
-        options
+        }
     }
 }
 
@@ -163,7 +168,7 @@ pub enum Family {
     },
     /// By the conventional tracer, every pixel.
     Tracer,
-    /// By the conventional tracer on specular pixels; the rest is a frame without specular objects.
+    /// By the conventional tracer on specular pixels; the rest is rasterised, without shadows.
     Hybrid,
     /// By another program.
     Outside(String),

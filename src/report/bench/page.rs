@@ -72,7 +72,8 @@ fn paces(page: &mut Page, bench: &Bench) {
         for against in [Family::Tracer, Family::Hybrid] {
             for metric in [Metric::Rmse, Metric::Flip] {
                 let ratio = |pace: &Pace| {
-                    Cell::verdict(pace.ratio > 1.0, format!("{}{:.2}×", pace.at.sign(), pace.ratio))
+                    let text = format!("{}{:.2}×", pace.at.sign(), pace.ratio);
+                    pace.faster().map_or_else(|| Cell::text(&text), |faster| Cell::verdict(faster, &text))
                 };
                 cells.push(find(&against, metric).map_or(Cell::text("–"), ratio));
             }

@@ -3,6 +3,7 @@
 use plotters::coord::Shift;
 use plotters::prelude::*;
 
+use super::ladder::Family;
 use super::scaling::Series;
 use super::{Bench, Metric, Point, Region, words};
 use crate::report::metrics::Comparison;
@@ -69,9 +70,13 @@ pub fn all(bench: &Bench) -> Result<Vec<Plot>, Failure> {
             }
         }
     }
-    let points: Vec<_> = words::prediction(bench).into_iter().map(|(x, y)| (x, y, None)).collect();
-    if !points.is_empty() {
-        let lines = [Line { name: "vertex tracing".into(), points, joined: false }];
+    let predicted = |family: &Family| Line {
+        name: family.to_string(),
+        points: words::prediction(bench, family).into_iter().map(|(x, y)| (x, y, None)).collect(),
+        joined: true,
+    };
+    let lines: Vec<Line> = words::families(bench).iter().map(predicted).collect();
+    if lines.iter().any(|line| !line.points.is_empty()) {
         plots.push(Plot {
             name: "prediction".into(),
             caption: "Measured RMSE over VT pixels against predicted displacement".into(),

@@ -9,7 +9,7 @@ use super::rounds::Timed;
 use crate::error::{Error, Result};
 use crate::frame::{Frame, Renderer};
 use crate::gpu::Gpu;
-use crate::options::{Options, Reconstruction, Shadows, Ss};
+use crate::options::{Msaa, Options, Reconstruction, Shadows, Ss};
 use crate::report::FloatImage;
 use crate::report::stats::{Stats, Times};
 use crate::scene::{Scene, View};
@@ -44,8 +44,8 @@ pub struct Studio<'s> {
     pub vt_mask: Vec<bool>,
     tracer: Tracer<'s>,
     frames: Vec<(Reconstruction, Antialiasing, Renderer<'s>)>,
-    rests: Vec<(Ss, Renderer<'s>)>,
-    floors: Vec<(Antialiasing, Renderer<'s>)>,
+    /// Frames that trace nothing, by their samples a pixel.
+    plain: Vec<((Ss, Msaa), Renderer<'s>)>,
     interrupt: Arc<AtomicBool>,
 }
 
@@ -83,20 +83,17 @@ impl<'s> Studio<'s> {
                 frames.push((reconstruction, antialiasing, renderer(scene, &options)?));
             }
         }
-        let mut rests: Vec<(Ss, Renderer)> = Vec::new();
-        for ss in ladder.rates.iter().map(|rate| rate.supersampling()) {
-            if rests.iter().all(|rest| rest.0 != ss) {
-                let mut options = Antialiasing::None.apply(&ladder.options);
-                options.method.ss = ss;
-                rests.push((ss, renderer(plain, &options)?));
+        let floors = ladder.antialiasings.iter().map(|antialiasing| antialiasing.samples());
+        let rests = ladder.rates.iter().map(|rate| (rate.supersampling(), Msaa::One));
+        let mut rasterised: Vec<((Ss, Msaa), Renderer)> = Vec::new();
+        for samples in floors.chain(rests) {
+            if rasterised.iter().all(|(known, _)| *known != samples) {
+                let mut options = ladder.options.clone();
+                (options.method.ss, options.method.msaa) = samples;
+                // Shadows on diffuse objects are traced, unless none are asked for.
+                options.scene.shadows = Shadows::None;
+                rasterised.push((samples, renderer(plain, &options)?));
             }
-        }
-        let mut floors = Vec::new();
-        for &antialiasing in &ladder.antialiasings {
-            let mut options = antialiasing.apply(&ladder.options);
-            // Shadows on diffuse objects are traced, unless none are asked for.
-            options.scene.shadows = Shadows::None;
-            floors.push((antialiasing, renderer(plain, &options)?));
         }
         let tracer = Tracer::new(scene);
         Ok(Self {
@@ -106,14 +103,13 @@ impl<'s> Studio<'s> {
             view,
             tracer,
             frames,
-            rests,
-            floors,
+            plain: rasterised,
             interrupt: interrupt.clone(),
         })
     }
 
     /// Makes one picture. The time of a frame is its own; that of a tracer the tracing alone, with the stretch
-    /// of a coarse image and, on specular pixels, with the frame around them.
+    /// of a coarse image and, on specular pixels, with the rasterised frame around them.
     ///
     /// # Errors
     /// As for [`Renderer::render`] and [`reference::render`]; [`Error::Option`] for a job that the ladder lacks.
@@ -126,10 +122,7 @@ impl<'s> Studio<'s> {
                 renderer.set_effort(ladder::effort(samples));
                 Ok(shot(renderer.render(&self.view)?))
             }
-            Job::Floor(antialiasing) => {
-                let (_, renderer) = set_up(self.floors.iter_mut().find(|floor| floor.0 == antialiasing))?;
-                Ok(shot(renderer.render(&self.view)?))
-            }
+            Job::Floor(antialiasing) => Ok(shot(self.rasterise(antialiasing.samples())?)),
             Job::Traced(rate) => {
                 let Traced { ms, rays, image } = self.trace(rate, None, &|_| {})?;
                 Ok((ms, Shot { image, rays, stats: None }))
@@ -138,14 +131,12 @@ impl<'s> Studio<'s> {
         }
     }
 
-    /// Traces specular pixels and lays them over a frame without specular objects.
+    /// Traces specular pixels and lays them over a rasterised frame, which lacks shadows on diffuse objects.
     fn hybrid(&mut self, rate: Rate) -> Result<Timed<Shot>> {
         let mask = grown(&self.vt_mask, &self.view, rate);
         let coarse = (rate.side > 1).then(|| shrunk(&mask, &self.view, rate));
         let traced = self.trace(rate, Some(coarse.as_deref().unwrap_or(&mask)), &|_| {})?;
-        let ss = rate.supersampling();
-        let (_, rest) = set_up(self.rests.iter_mut().find(|rest| rest.0 == ss))?;
-        let frame = rest.render(&self.view)?;
+        let frame = self.rasterise((rate.supersampling(), Msaa::One))?;
         let started = Instant::now();
         let mut image = frame.image;
         for (pixel, value) in traced.image.pixels.iter().enumerate().filter(|(pixel, _)| mask[*pixel]) {
@@ -153,6 +144,12 @@ impl<'s> Studio<'s> {
         }
         let time = traced.ms + frame.stats.time_ms.frame + ms(started);
         Ok((time, Shot { image, rays: traced.rays + frame.stats.rays.total, stats: None }))
+    }
+
+    /// A frame that traces nothing.
+    fn rasterise(&mut self, samples: (Ss, Msaa)) -> Result<Frame> {
+        let (_, renderer) = set_up(self.plain.iter_mut().find(|(known, _)| *known == samples))?;
+        renderer.render(&self.view)
     }
 
     /// The tracer's image, of all pixels or of those that `only` marks on the coarse image of `rate`.

@@ -23,7 +23,7 @@ pub fn findings(bench: &Bench) -> Vec<String> {
 }
 
 /// The ways of ours, in the order that they were measured.
-fn families(bench: &Bench) -> Vec<Family> {
+pub fn families(bench: &Bench) -> Vec<Family> {
     let mut families: Vec<Family> = Vec::new();
     for point in bench.points.iter().filter(|point| point.family.is_ours()) {
         if !families.contains(&point.family) {
@@ -42,29 +42,54 @@ fn pays(bench: &Bench, family: &Family, against: &Family, region: Region, metric
         .filter(|point| &point.family == family)
         .filter_map(|point| Some((point, point.paces.iter().find(wanted)?)))
         .collect();
-    let best = rungs.iter().max_by(|a, b| a.1.ratio.total_cmp(&b.1.ratio))?;
-    let worst = rungs.iter().min_by(|a, b| a.1.ratio.total_cmp(&b.1.ratio))?;
-    let side = |(point, pace): &(&Point, &Pace)| {
-        let error = point.error(region).map_or(0.0, |error| metric.of(error));
-        (error, pace.ratio, point.time.median_ms)
+    let (told_apart, unknown): (Vec<_>, Vec<_>) =
+        rungs.into_iter().partition(|(_, pace)| pace.faster().is_some());
+    let unknown: Vec<&str> = unknown.iter().map(|(point, _)| point.effort.as_str()).collect();
+    let beyond = match unknown.as_slice() {
+        [] => String::new(),
+        unknown => format!("; not told, beyond the ends of the ray tracer's ladder: {}", unknown.join(", ")),
     };
-    let name = format!("{} against the {against}, same {} over {}", family, metric.words(), of(region));
-    let verdict = match (best.1.ratio > 1.0, worst.1.ratio > 1.0) {
-        (_, true) => format!("pays at every effort: {} to {}", told(worst), told(best)),
-        (false, _) => format!("does not pay at any effort: {} to {}", told(worst), told(best)),
+    let name =
+        capital(&format!("{family} against the {against}, same {} over {}", metric.words(), of(region)));
+    let by_ratio = |a: &&(&Point, &Pace), b: &&(&Point, &Pace)| a.1.ratio.total_cmp(&b.1.ratio);
+    let (Some(best), Some(worst)) = (told_apart.iter().max_by(by_ratio), told_apart.iter().min_by(by_ratio))
+    else {
+        return (!unknown.is_empty()).then(|| format!("{name}{beyond}."));
+    };
+    let range = match told_apart.as_slice() {
+        [_] => told(best),
+        _ => format!("{} to {}", told(worst), told(best)),
+    };
+    let verdict = match (best.1.faster(), worst.1.faster()) {
+        (_, Some(true)) => "pays at every effort".into(),
+        (Some(false), _) => "does not pay at any effort".into(),
         _ => {
-            let crossed: Vec<String> =
-                crossings(rungs.iter().map(side).collect()).iter().map(|at| passes(at, metric)).collect();
-            format!("{}; from {} to {}", crossed.join("; "), told(worst), told(best))
+            let side = |(point, pace): &(&Point, &Pace)| {
+                let error = point.error(region).map_or(0.0, |error| metric.of(error));
+                (error, pace.ratio, point.time.median_ms)
+            };
+            passes(&crossings(told_apart.iter().map(side).collect()), metric)
         }
     };
-    Some(format!("{}: {verdict}.", capital(&name)))
+    Some(format!("{name}: {verdict}: {range}{beyond}."))
 }
 
-/// Where the ratio passes 1.
-fn passes(at: &Crossing, metric: Metric) -> String {
-    let side = if at.faster_before { "above" } else { "below" };
-    format!("pays {side} {} {:.4}, which takes {:.0} ms", metric.words(), at.error, at.ms)
+/// On which sides of the crossings it pays.
+fn passes(crossings: &[Crossing], metric: Metric) -> String {
+    let at =
+        |crossing: &Crossing| format!("{} {:.4} ({:.0} ms)", metric.words(), crossing.error, crossing.ms);
+    match crossings {
+        [only] if only.faster_before => format!("pays above {}", at(only)),
+        [only] => format!("pays below {}", at(only)),
+        [first, second] if first.faster_before => {
+            format!("pays above {} and below {}", at(first), at(second))
+        }
+        [first, second] => format!("pays between {} and {}", at(first), at(second)),
+        several => {
+            let several: Vec<String> = several.iter().map(at).collect();
+            format!("pays here and there, with crossovers at {}", several.join(", "))
+        }
+    }
 }
 
 /// `1.4 times as fast with 4000 samples`, or a bound on it.
@@ -114,23 +139,29 @@ fn floor(bench: &Bench) -> Vec<String> {
     bench.floors.iter().filter_map(line).collect()
 }
 
-/// Whether the predicted error tells the measured one.
+/// Whether the predicted error tells the measured one, for the way that comes nearest to the reference: in the
+/// others aliasing, which nothing predicts, hides it.
 fn predicted(bench: &Bench) -> Option<String> {
-    let points = prediction(bench);
+    let error = |point: &Point| point.vt.as_ref().map_or(f64::INFINITY, |error| error.rmse);
+    let ours = bench.points.iter().filter(|point| point.family.is_ours());
+    let family = &ours.min_by(|a, b| error(a).total_cmp(&error(b)))?.family;
+    let points = prediction(bench, family);
     let fit = power_law(&points)?;
     Some(format!(
-        "Measured RMSE over VT pixels grows with the predicted displacement to the power of {:.2} (r² {:.2}, {} \
+        "{}: measured RMSE over VT pixels grows with the predicted displacement to the power of {:.2} (r² {:.2}, {} \
          points).",
+        capital(&family.to_string()),
         fit.exponent,
         fit.r2,
         points.len()
     ))
 }
 
-/// Predicted displacement in pixels, and measured RMSE over VT pixels, of every point that has both.
-pub fn prediction(bench: &Bench) -> Vec<(f64, f64)> {
+/// Predicted displacement in pixels, and measured RMSE over VT pixels, of every point of `family` that has both.
+pub fn prediction(bench: &Bench, family: &Family) -> Vec<(f64, f64)> {
     let pair = |point: &Point| Some((point.predicted_error?, point.vt.as_ref()?.rmse));
-    bench.points.iter().filter_map(pair).filter(|(predicted, rmse)| *predicted > 0.0 && *rmse > 0.0).collect()
+    let points = bench.points.iter().filter(|point| point.family == *family);
+    points.filter_map(pair).filter(|(predicted, rmse)| *predicted > 0.0 && *rmse > 0.0).collect()
 }
 
 fn capital(text: &str) -> String {
