@@ -164,7 +164,7 @@ fn ratios_come_from_the_same_error_by_each_measure() {
 
 #[test]
 fn words_say_where_it_pays() {
-    let first = |own: &[(f64, f32)]| bench(own).findings[0].clone();
+    let first = |own: &[(f64, f32)]| bench(own).findings[1].clone();
     let always = first(&[(20.0, 0.4), (50.0, 0.2)]);
     assert!(
         always.contains("pays at every effort: 4.0 times as fast (200 samples) to 5.0 times"),
@@ -189,6 +189,12 @@ fn words_say_where_it_pays() {
         between.contains("pays between RMSE 0.2828 (141 ms) and RMSE 0.1414 (283 ms): 0.50"),
         "{between}"
     );
+    // The best of ours leaves out what a faster point of ours betters, here the first.
+    let best = bench(&[(90.0, 0.3), (50.0, 0.2), (500.0, 0.15)]).findings[0].clone();
+    let told =
+        "Vertex tracing at its best against the ray tracer, same RMSE over VT pixels: pays above RMSE 0.1";
+    assert!(best.starts_with(told) && best.contains("0.53 times as fast (300 samples)"), "{best}");
+    assert!(best.contains("to 4.0 times as fast (200 samples)"), "{best}");
     // Other sentences: the floor, and what prediction is worth.
     let all = bench(&[(20.0, 0.4), (50.0, 0.2)]).findings.join("\n");
     assert!(

@@ -16,7 +16,7 @@ color: var(--ink); background: var(--paper); overflow-wrap: break-word }
 .pictures { display: grid; grid-template-columns: repeat(auto-fit, minmax(min(100%, 20rem), 1fr)); gap: 1rem }
 figure { margin: 0; break-inside: avoid } img, svg { width: 100%; height: auto; display: block }
 figcaption, .soft { font-size: .875rem; color: var(--soft) }
-.table { overflow-x: auto } table { border-collapse: collapse; margin: 1rem 0 }
+td:first-child { min-width: 10em } .table { overflow-x: auto } table { border-collapse: collapse; margin: 1rem 0 }
 th, td { padding: .25rem .75rem; text-align: left; vertical-align: top; border-bottom: 1px solid var(--rule) }
 td.number { text-align: right; white-space: nowrap; font-variant-numeric: tabular-nums }
 .no { color: var(--no); font-weight: 600 } .yes { color: var(--yes) }
@@ -24,7 +24,7 @@ td.number { text-align: right; white-space: nowrap; font-variant-numeric: tabula
 @media print { :root { --ink: #000; --soft: #444; --paper: #fff; --rule: #bbb; color-scheme: light } \
 body { max-width: none; margin: 0; font-size: 10pt } .table { overflow: visible } \
 th, td { padding: .1rem .3rem; font-size: 7pt } \
-.pictures { grid-template-columns: repeat(3, 1fr) } h2 { break-after: avoid } }";
+.pictures { grid-template-columns: repeat(2, 1fr) } h2 { break-after: avoid } }";
 
 /// A page that needs no other file and no network.
 pub struct Page(String);

@@ -1,6 +1,8 @@
 //! A bench as plots: error against time and rays, prediction, scaling; logarithmic axes.
 
 use plotters::coord::Shift;
+use plotters::coord::combinators::BindKeyPoints;
+use plotters::coord::ranged1d::{AsRangedCoord, ValueFormatter};
 use plotters::prelude::*;
 
 use super::ladder::Family;
@@ -36,11 +38,13 @@ pub struct Plot {
 /// What the plotting library says.
 type Failure = Box<dyn std::error::Error + Send + Sync>;
 
+/// A point of a plot: x, y, and the ends of a bar along x.
+type Mark = (f64, f64, Option<(f64, f64)>);
+
 /// A line of a plot.
 struct Line {
     name: String,
-    /// Points of x, y, and the ends of a bar along x.
-    points: Vec<(f64, f64, Option<(f64, f64)>)>,
+    points: Vec<Mark>,
     joined: bool,
 }
 
@@ -143,8 +147,7 @@ fn scaling(series: &Series) -> Result<Plot, Failure> {
 /// Draws `lines`; x is logarithmic, and y too unless `linear_y`.
 fn svg(lines: &[Line], x_words: &str, y_words: &str, linear_y: bool) -> Result<String, Failure> {
     let points = || lines.iter().flat_map(|line| &line.points);
-    let ends =
-        |point: &(f64, f64, Option<(f64, f64)>)| point.2.map_or([point.0; 2], |(low, high)| [low, high]);
+    let ends = |point: &Mark| point.2.map_or([point.0; 2], |(low, high)| [low, high]);
     let x = range(points().flat_map(ends), 1.15);
     let y = range(points().map(|point| point.1), 1.25);
     let mut document = String::new();
@@ -153,9 +156,9 @@ fn svg(lines: &[Line], x_words: &str, y_words: &str, linear_y: bool) -> Result<S
         area.fill(&WHITE)?;
         if linear_y {
             let y = range(points().map(|point| point.1), 1.05);
-            draw(&area, lines, (x.start..x.end).log_scale(), y, x_words, y_words)?;
+            draw(&area, lines, logarithmic(x), y, x_words, y_words)?;
         } else {
-            draw(&area, lines, (x.start..x.end).log_scale(), (y.start..y.end).log_scale(), x_words, y_words)?;
+            draw(&area, lines, logarithmic(x), logarithmic(y), x_words, y_words)?;
         }
         area.present()?;
     }
@@ -171,10 +174,10 @@ fn draw<'a, X, Y>(
     y_words: &str,
 ) -> Result<(), Failure>
 where
-    X: plotters::coord::ranged1d::AsRangedCoord<Value = f64>,
-    Y: plotters::coord::ranged1d::AsRangedCoord<Value = f64>,
-    X::CoordDescType: plotters::coord::ranged1d::ValueFormatter<f64>,
-    Y::CoordDescType: plotters::coord::ranged1d::ValueFormatter<f64>,
+    X: AsRangedCoord<Value = f64>,
+    Y: AsRangedCoord<Value = f64>,
+    X::CoordDescType: ValueFormatter<f64>,
+    Y::CoordDescType: ValueFormatter<f64>,
 {
     let mut chart = ChartBuilder::on(area)
         .margin(8)
@@ -211,6 +214,17 @@ where
         area.draw(&Text::new(line.name.clone(), (98, top - 7), ("sans-serif", 14)))?;
     }
     Ok(())
+}
+
+/// A logarithmic axis, labelled at 1, 2 and 5 of every decade, or at decades alone where they are many.
+fn logarithmic(
+    range: std::ops::Range<f64>,
+) -> impl AsRangedCoord<Value = f64, CoordDescType: ValueFormatter<f64>> {
+    let decades = range.start.log10().floor() as i32..=range.end.log10().floor() as i32;
+    let steps: &[f64] = if decades.clone().count() > 3 { &[1.0] } else { &[1.0, 2.0, 5.0] };
+    let labels = decades.flat_map(|decade| steps.iter().map(move |step| step * 10_f64.powi(decade)));
+    let labels = labels.filter(|label| range.contains(label)).collect();
+    (range.start..range.end).log_scale().with_key_points(labels)
 }
 
 /// The range of positive `values`, widened by the factor `margin`.

@@ -1,6 +1,6 @@
 //! What a bench shows, in sentences made from its numbers.
 
-use super::crossover::{At, Crossing, Pace, crossings};
+use super::crossover::{At, Crossing, Pace, crossings, front};
 use super::fit::power_law;
 use super::ladder::Family;
 use super::{Bench, Metric, Point, Region};
@@ -13,8 +13,13 @@ pub fn findings(bench: &Bench) -> Vec<String> {
         lines.push("No pixel shows a specular object: there is nothing for vertex tracing to gain.".into());
     }
     for against in [Family::Tracer, Family::Hybrid] {
+        let best = unbeaten(bench, region, Metric::Rmse);
+        lines.extend(pays("Vertex tracing at its best", &best, &against, region, Metric::Rmse));
+    }
+    for against in [Family::Tracer, Family::Hybrid] {
         for family in families(bench) {
-            lines.extend(pays(bench, &family, &against, region, Metric::Rmse));
+            let points: Vec<&Point> = bench.points.iter().filter(|point| point.family == family).collect();
+            lines.extend(pays(&capital(&family.to_string()), &points, &against, region, Metric::Rmse));
         }
     }
     lines.extend(floor(bench));
@@ -33,32 +38,39 @@ pub fn families(bench: &Bench) -> Vec<Family> {
     families
 }
 
-/// Whether, and where, one way of ours takes less time than a tracer for the same error.
-fn pays(bench: &Bench, family: &Family, against: &Family, region: Region, metric: Metric) -> Option<String> {
+/// The points of ours, of whatever way, that no faster one of ours betters.
+fn unbeaten(bench: &Bench, region: Region, metric: Metric) -> Vec<&Point> {
+    let place = |point: &Point| Some((point.time.median_ms, metric.of(point.error(region)?)));
+    let ours = || bench.points.iter().filter(|point| point.family.is_ours());
+    let front = front(ours().filter_map(place).collect());
+    ours().filter(|point| place(point).is_some_and(|place| front.contains(&place))).collect()
+}
+
+/// Whether, and where, `points` of ours take less time than a tracer for the same error.
+fn pays(name: &str, points: &[&Point], against: &Family, region: Region, metric: Metric) -> Option<String> {
     let wanted = |pace: &&Pace| (&pace.against, pace.region, pace.metric) == (against, region, metric);
-    let rungs: Vec<(&Point, &Pace)> = bench
-        .points
-        .iter()
-        .filter(|point| &point.family == family)
-        .filter_map(|point| Some((point, point.paces.iter().find(wanted)?)))
-        .collect();
+    let rungs: Vec<(&Point, &Pace)> =
+        points.iter().filter_map(|point| Some((*point, point.paces.iter().find(wanted)?))).collect();
     let (told_apart, unknown): (Vec<_>, Vec<_>) =
         rungs.into_iter().partition(|(_, pace)| pace.faster().is_some());
-    let unknown: Vec<&str> = unknown.iter().map(|(point, _)| point.effort.as_str()).collect();
+    let one_way = points.windows(2).all(|pair| pair[0].family == pair[1].family);
+    let effort = |point: &Point| {
+        if one_way { point.effort.clone() } else { format!("{}, {}", point.family, point.effort) }
+    };
+    let unknown: Vec<String> = unknown.iter().map(|(point, _)| effort(point)).collect();
     let beyond = match unknown.as_slice() {
         [] => String::new(),
-        unknown => format!("; not told, beyond the ends of the ray tracer's ladder: {}", unknown.join(", ")),
+        unknown => format!("; not told, beyond the ends of the ray tracer's ladder: {}", unknown.join("; ")),
     };
-    let name =
-        capital(&format!("{family} against the {against}, same {} over {}", metric.words(), of(region)));
+    let name = format!("{name} against the {against}, same {} over {}", metric.words(), of(region));
     let by_ratio = |a: &&(&Point, &Pace), b: &&(&Point, &Pace)| a.1.ratio.total_cmp(&b.1.ratio);
     let (Some(best), Some(worst)) = (told_apart.iter().max_by(by_ratio), told_apart.iter().min_by(by_ratio))
     else {
         return (!unknown.is_empty()).then(|| format!("{name}{beyond}."));
     };
     let range = match told_apart.as_slice() {
-        [_] => told(best),
-        _ => format!("{} to {}", told(worst), told(best)),
+        [_] => told(best.1, &effort(best.0)),
+        _ => format!("{} to {}", told(worst.1, &effort(worst.0)), told(best.1, &effort(best.0))),
     };
     let verdict = match (best.1.faster(), worst.1.faster()) {
         (_, Some(true)) => "pays at every effort".into(),
@@ -93,13 +105,13 @@ fn passes(crossings: &[Crossing], metric: Metric) -> String {
 }
 
 /// `1.4 times as fast with 4000 samples`, or a bound on it.
-fn told((point, pace): &(&Point, &Pace)) -> String {
+fn told(pace: &Pace, effort: &str) -> String {
     let bound = match pace.at {
         At::Exactly(_) => "",
         At::AtMost(_) => "at most ",
         At::MoreThan(_) => "more than ",
     };
-    format!("{bound}{} times as fast ({})", factor(pace.ratio), point.effort)
+    format!("{bound}{} times as fast ({effort})", factor(pace.ratio))
 }
 
 /// Two digits that matter.
