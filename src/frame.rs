@@ -198,6 +198,11 @@ impl<'s> Renderer<'s> {
         self.interrupt = flag;
     }
 
+    /// Lets frames from now on take another effort; nothing is prepared again.
+    pub fn set_effort(&mut self, effort: EffortOptions) {
+        self.options.effort = effort;
+    }
+
     /// Renders one frame.
     ///
     /// # Errors

@@ -44,7 +44,7 @@ fn run() -> Result<()> {
         );
     }
     let page = folder.join("index.html");
-    write_file(&page, page::html(&lab, &plates, &claims, &folder)?.as_bytes())?;
+    write_file(&page, page::html(&lab, &plates, &claims)?.as_bytes())?;
     println!("{}", page.display());
     Ok(())
 }

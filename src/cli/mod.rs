@@ -4,6 +4,8 @@
 //! serve, 2 wrong usage, 130 interrupted.
 
 pub mod args;
+#[cfg(feature = "bench")]
+mod bench;
 mod compare;
 mod devices;
 pub mod output;
@@ -40,6 +42,8 @@ enum Command {
     #[cfg(feature = "bench")]
     Profile(profile::ProfileArgs),
     Plan(Box<plan::PlanArgs>),
+    #[cfg(feature = "bench")]
+    Bench(Box<bench::BenchArgs>),
 }
 
 /// Why a command did not do its work.
@@ -85,6 +89,8 @@ pub fn main() -> ExitCode {
             #[cfg(feature = "bench")]
             Command::Profile(args) => profile::run(&args)?,
             Command::Plan(args) => plan::run(&args)?,
+            #[cfg(feature = "bench")]
+            Command::Bench(args) => bench::run(&args)?,
         }
         Ok(())
     });

@@ -3,6 +3,7 @@
 use std::{io::Cursor, path::Path};
 
 use image::{DynamicImage, ImageFormat, ImageReader};
+use rayon::prelude::*;
 
 use super::pfm;
 use crate::error::{Error, Result};
@@ -59,6 +60,29 @@ impl FloatImage {
         let rgb = decoded.into_rgb16();
         let pixels = rgb.pixels().map(|pixel| pixel.0.map(|v| srgb_decode(f32::from(v) / 65535.0))).collect();
         Self { width: rgb.width(), height: rgb.height(), pixels }
+    }
+
+    /// The image stretched to another size, bilinearly between the centres of its pixels.
+    pub fn stretched(&self, width: u32, height: u32) -> Self {
+        // The two pixels that lie about a position, and the share of the second.
+        let about = |at: u32, size: u32, own: u32| {
+            let position = ((at as f32 + 0.5) * own as f32 / size as f32 - 0.5).clamp(0.0, own as f32 - 1.0);
+            let first = position as u32;
+            (first as usize, (first + 1).min(own - 1) as usize, position.fract())
+        };
+        let columns: Vec<_> = (0..width).map(|x| about(x, width, self.width)).collect();
+        let row = |y| {
+            let (above, below, down) = about(y, height, self.height);
+            let rows = [above, below].map(|row| &self.pixels[row * self.width as usize..]);
+            let mix = |a: [f32; 3], b: [f32; 3], share: f32| -> [f32; 3] {
+                std::array::from_fn(|channel| a[channel] + (b[channel] - a[channel]) * share)
+            };
+            columns.iter().map(move |&(left, right, along)| {
+                let [upper, lower] = rows.map(|row| mix(row[left], row[right], along));
+                mix(upper, lower, down)
+            })
+        };
+        Self { width, height, pixels: (0..height).into_par_iter().flat_map_iter(row).collect() }
     }
 
     /// One flag a pixel: whether its brightest channel, sRGB-encoded, is at least one half.

@@ -1,5 +1,7 @@
 //! The difference between two images in numbers.
 
+use std::cell::OnceCell;
+
 use rayon::prelude::*;
 use serde::Serialize;
 
@@ -46,12 +48,49 @@ pub fn compare(
     mask: Option<&[bool]>,
     encoding: Encoding,
 ) -> Result<Comparison> {
-    if (a.width, a.height) != (b.width, b.height) {
-        return Err(Error::Compare(format!(
-            "images differ in size: {}x{} and {}x{}",
-            a.width, a.height, b.width, b.height
-        )));
+    Differences::new(a, b)?.over(mask, encoding)
+}
+
+/// Two images of one size, to be compared over several regions.
+pub struct Differences<'i> {
+    a: &'i FloatImage,
+    b: &'i FloatImage,
+    /// ꟻLIP of the whole images, made when first asked for.
+    flip: OnceCell<Vec<f32>>,
+}
+
+impl<'i> Differences<'i> {
+    /// Between `b` and the reference `a`.
+    ///
+    /// # Errors
+    /// [`Error::Compare`] if the sizes differ.
+    pub fn new(a: &'i FloatImage, b: &'i FloatImage) -> Result<Self> {
+        if (a.width, a.height) != (b.width, b.height) {
+            return Err(Error::Compare(format!(
+                "images differ in size: {}x{} and {}x{}",
+                a.width, a.height, b.width, b.height
+            )));
+        }
+        Ok(Self { a, b, flip: OnceCell::new() })
     }
+
+    /// How far they differ where `mask` is set, or everywhere; see [`compare`].
+    ///
+    /// # Errors
+    /// As for [`compare`].
+    pub fn over(&self, mask: Option<&[bool]>, encoding: Encoding) -> Result<Comparison> {
+        let flip = || self.flip.get_or_init(|| flip::error_map(self.a, self.b)).as_slice();
+        measure(self.a, self.b, flip, mask, encoding)
+    }
+}
+
+fn measure<'f>(
+    a: &FloatImage,
+    b: &FloatImage,
+    flip: impl FnOnce() -> &'f [f32],
+    mask: Option<&[bool]>,
+    encoding: Encoding,
+) -> Result<Comparison> {
     if let Some(mask) = mask.filter(|mask| mask.len() != a.pixels.len()) {
         return Err(Error::Compare(format!(
             "mask has {} pixels, the images {} ({}x{})",
@@ -87,7 +126,7 @@ pub fn compare(
     largest.par_sort_unstable_by(f64::total_cmp);
     let over = largest.len() - largest.partition_point(|&d| d <= 0.1);
 
-    let map = flip::error_map(a, b);
+    let map = flip();
     let flip = chosen.iter().map(|&i| f64::from(map[i])).sum::<f64>() / chosen.len() as f64;
     Ok(Comparison {
         rmse,

@@ -6,7 +6,8 @@ use std::{
     path::Path,
 };
 
-use image::{ExtendedColorType, ImageFormat};
+use image::codecs::png::{CompressionType, FilterType, PngEncoder};
+use image::{ExtendedColorType, ImageEncoder, ImageFormat};
 use serde::Serialize;
 
 use super::{FloatImage, image::srgb_encode, pfm};
@@ -54,8 +55,7 @@ fn unknown(path: &Path, problem: &str) -> Error {
 pub fn write_image(path: &Path, image: &FloatImage, exposure: f32) -> Result<()> {
     let bytes = match Format::of(path)? {
         Format::Png => {
-            let rgb: Vec<u8> = image.pixels.iter().flatten().map(|&v| to_byte(v * exposure.exp2())).collect();
-            encode(path, &rgb, image, ExtendedColorType::Rgb8, ImageFormat::Png)?
+            encode(path, &srgb_bytes(image, exposure), image, ExtendedColorType::Rgb8, ImageFormat::Png)?
         }
         Format::Exr => {
             let rgb = bytemuck::cast_slice(image.pixels.as_flattened());
@@ -64,6 +64,22 @@ pub fn write_image(path: &Path, image: &FloatImage, exposure: f32) -> Result<()>
         Format::Pfm => pfm::encode(image),
     };
     write_file(path, &bytes)
+}
+
+/// `image` as the bytes of a PNG as small as can be, clamped and sRGB-encoded.
+///
+/// # Errors
+/// [`Error::Image`] with what the encoder says.
+pub fn small_png(image: &FloatImage) -> Result<Vec<u8>> {
+    let mut png = Vec::new();
+    PngEncoder::new_with_quality(&mut png, CompressionType::Best, FilterType::Adaptive)
+        .write_image(&srgb_bytes(image, 0.0), image.width, image.height, ExtendedColorType::Rgb8)
+        .map_err(|error| Error::Image { path: "picture".into(), problem: error.to_string() })?;
+    Ok(png)
+}
+
+fn srgb_bytes(image: &FloatImage, exposure: f32) -> Vec<u8> {
+    image.pixels.iter().flatten().map(|&v| to_byte(v * exposure.exp2())).collect()
 }
 
 /// A linear value as an sRGB byte; NaN is black.
