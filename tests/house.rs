@@ -16,7 +16,7 @@ const ALLOWED: [(&str, &[&str]); 11] = [
     ("refine", &["scene", "options", "visibility", "trace"]),
     // The image type and the stats' entries are what reconstruction hands on.
     ("reconstruct", &["scene", "options", "gpu", "visibility", "trace", "refine", "report"]),
-    ("report", &["scene", "options", "gpu", "visibility", "frame"]),
+    ("report", &["scene", "options", "gpu", "visibility", "trace", "frame"]),
     ("plan", &["scene", "options", "visibility", "reconstruct", "report"]),
     ("frame", &["scene", "options", "gpu", "visibility", "trace", "refine", "reconstruct", "report", "plan"]),
     ("cli", &["scene", "options", "gpu", "trace", "report", "frame", "plan"]),

@@ -7,6 +7,8 @@ pub mod output;
 mod pfm;
 #[cfg(feature = "bench")]
 pub mod profile;
+#[cfg(feature = "bench")]
+pub mod stability;
 pub mod stats;
 
 pub use image::FloatImage;
