@@ -8,7 +8,7 @@
 use glam::{Vec2, Vec3, Vec4};
 use rustc_hash::FxHashMap;
 
-use crate::scene::{Scene, View, topology::Topology};
+use crate::scene::{Scene, View, mesh::unit, topology::Topology};
 
 /// No face, vertex or side.
 pub const NONE: u32 = u32::MAX;
@@ -193,7 +193,8 @@ impl Mesh {
         if self.view.orthographic {
             Vec3::new(to.dot(self.view.right), to.dot(self.view.up), 1.0)
         } else {
-            to.normalize_or(self.view.forward)
+            // Nearer than the near plane directions turn without bound, and nothing is seen.
+            to / to.length().max(self.view.near)
         }
     }
 
@@ -213,7 +214,18 @@ impl Mesh {
     /// Length of an edge in pixels, as seen from the eye.
     fn edge_length(&self, s: Side) -> f32 {
         let (a, b) = self.edge_points(s);
-        (self.images[a as usize] - self.images[b as usize]).length() * self.pixels_per_unit
+        self.image_length_squared(a, b).sqrt() * self.pixels_per_unit
+    }
+
+    /// Squared length of an edge in units of `images`: 0 where no number lies between its ends, as on an edge that
+    /// leads past the eye. Its middle would be one of them, and bisecting it would never end.
+    fn image_length_squared(&self, a: u32, b: u32) -> f32 {
+        let [p, q] = [a, b].map(|point| self.points[point as usize]);
+        let middle = (p + q) * 0.5;
+        if middle == p || middle == q {
+            return 0.0;
+        }
+        (self.images[a as usize] - self.images[b as usize]).length_squared()
     }
 
     /// The longest edge of a face. Ties are broken by point ids, so that edges have one strict order and
@@ -221,8 +233,7 @@ impl Mesh {
     fn longest(&self, face: u32) -> Side {
         let key = |s: Side| {
             let (a, b) = self.edge_points(s);
-            let length = (self.images[a as usize] - self.images[b as usize]).length_squared();
-            (length.to_bits(), b, a) // non-negative floats order as their bits
+            (self.image_length_squared(a, b).to_bits(), b, a) // non-negative floats order as their bits
         };
         (0..3).map(|edge| side(face, edge)).max_by_key(|&s| key(s)).expect("a face has three edges")
     }
@@ -346,7 +357,7 @@ impl Mesh {
             base: a.base,
             back: a.back,
             normal: (a.normal + b.normal) * 0.5,
-            geometric: a.geometric.normalize_or_zero() + b.geometric.normalize_or_zero(),
+            geometric: [a, b].iter().filter_map(|end| unit(end.geometric)).sum(),
             uv: [(a.uv[0] + b.uv[0]) * 0.5, (a.uv[1] + b.uv[1]) * 0.5],
             color: (a.color + b.color) * 0.5,
             tangent: (a.tangent.truncate() + b.tangent.truncate()).extend(a.tangent.w * 2.0) * 0.5,

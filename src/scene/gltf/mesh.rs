@@ -19,6 +19,7 @@ use super::notes::Notes;
 use super::piece::{Attributes, Piece};
 use super::{tangents, triangles};
 use crate::error::{Error, Result};
+use crate::scene::mesh::MAX_REACH;
 use crate::scene::{Geometry, Material, Object};
 
 /// A primitive under a node of the scene.
@@ -190,6 +191,12 @@ pub fn assemble(
             reading.refuse(part, "attributes.JOINTS_0", format!("joint {joint} of a smaller skin"))
         };
         let mut piece = Piece::place(&vertices, faces, origin).map_err(bad_joint)?;
+        if let Some(position) = piece.beyond_reach() {
+            let problem = format!(
+                "a vertex lies {position} from the scene's centre; more than {MAX_REACH:e} units cannot be drawn: scale the scene down"
+            );
+            return Err(reading.refuse(part, "attributes.POSITION", problem));
+        }
         let dropped = repeated + piece.drop_degenerate();
         if dropped > 0 {
             reading
