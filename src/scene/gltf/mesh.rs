@@ -7,6 +7,7 @@ use glam::{DAffine3, DVec3};
 use gltf::json::mesh::Mode;
 use gltf::json::validation::Checked;
 use gltf::json::{Node, Root};
+use rustc_hash::{FxBuildHasher, FxHashSet};
 
 use super::Limits;
 use super::accessor::Reader;
@@ -187,6 +188,11 @@ pub fn assemble(
         // Strips repeat vertices to turn corners: nothing to remark there.
         let repeated = if listed { before - faces.len() } else { 0 };
 
+        let copies = drop_copies(&mut faces);
+        if copies > 0 {
+            reading.notes.add("duplicate faces", || format!("{name}: {copies} copies of faces are dropped"));
+        }
+
         let bad_joint = |joint: u32| {
             reading.refuse(part, "attributes.JOINTS_0", format!("joint {joint} of a smaller skin"))
         };
@@ -295,4 +301,22 @@ impl Reading<'_> {
         let centre = low * 0.5 + high * 0.5;
         Ok(if low.x <= high.x && centre.is_finite() { centre } else { DVec3::ZERO })
     }
+}
+
+/// Drops faces that name the same vertices in the same order round as an earlier one, and returns how many: where two
+/// surfaces coincide, which of them is seen or met is left to rounding.
+fn drop_copies(faces: &mut Vec<[u32; 3]>) -> usize {
+    let before = faces.len();
+    let mut known = FxHashSet::with_capacity_and_hasher(before, FxBuildHasher);
+    faces.retain(|&[a, b, c]| {
+        let first = a.min(b).min(c);
+        known.insert(if first == a {
+            [a, b, c]
+        } else if first == b {
+            [b, c, a]
+        } else {
+            [c, a, b]
+        })
+    });
+    before - faces.len()
 }
