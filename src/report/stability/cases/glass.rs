@@ -7,7 +7,7 @@ pub(super) const CASES: &[Case] = &[
         name: "slab",
         parameter: "ior",
         values: &[1.0, 1.000_1, 1.1, 1.33, 1.5, 2.0, 2.5],
-        bound: Bound::both(0.02),
+        bound: Bound::both(0.005),
         limit: None,
         experiment: Experiment::Picture(|ior| {
             block_seen(ior as f32, Camera::look_at(Vec3::new(1.3, 0.8, 2.6), Vec3::ZERO, 0.7), 4)
@@ -17,7 +17,7 @@ pub(super) const CASES: &[Case] = &[
         name: "critical-angle",
         parameter: "degrees",
         values: &[0.0, 30.0, 41.0, 41.81, 42.6, 60.0, 80.0],
-        bound: Bound::both(0.02),
+        bound: Bound::both(0.005),
         limit: None,
         // The eye is inside a block of index 1.5, whose critical angle is 41.81°.
         experiment: Experiment::Picture(|degrees| {
@@ -50,7 +50,7 @@ pub(super) const CASES: &[Case] = &[
         name: "glass-ball",
         parameter: "ior",
         values: &[1.0, 1.000_1, 1.1, 1.5, 2.0, 2.5],
-        bound: Bound::both(0.05),
+        bound: Bound::both(0.005),
         limit: None,
         experiment: Experiment::Picture(|ior| {
             let mut scene = stage("glass ball");

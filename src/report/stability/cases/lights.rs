@@ -8,7 +8,7 @@ pub(super) const CASES: &[Case] = &[
         parameter: "-log10",
         // At 10^-n above the floor; 8: on it; 9: behind it.
         values: &[0.0, 1.0, 3.0, 5.0, 8.0, 9.0],
-        bound: Bound::both(0.02),
+        bound: Bound::both(0.004),
         limit: None,
         experiment: Experiment::Picture(|n| {
             let height = match n as i32 {
@@ -23,7 +23,7 @@ pub(super) const CASES: &[Case] = &[
         name: "light-intensity",
         parameter: "candela",
         values: &[1e-6, 1.0, 1e3, 1e6, 1e9],
-        bound: Bound { reference: 0.02, truth: 0.005 },
+        bound: Bound { reference: 0.004, truth: 0.001 },
         limit: None,
         // What reflects in inverse proportion must look the same.
         experiment: Experiment::Picture(|candela| {

@@ -7,7 +7,7 @@ pub(super) const CASES: &[Case] = &[
         name: "grazing",
         parameter: "degrees",
         values: &[0.0, 45.0, 80.0, 89.0, 89.9, 89.99],
-        bound: Bound::both(0.01),
+        bound: Bound::both(0.003),
         limit: None,
         experiment: Experiment::Picture(|degrees| {
             let (sin, cos) = (degrees.to_radians().sin() as f32, degrees.to_radians().cos() as f32);
@@ -24,7 +24,7 @@ pub(super) const CASES: &[Case] = &[
         name: "parallel-mirrors",
         parameter: "depth",
         values: &[1.0, 4.0, 16.0, 32.0, 64.0],
-        bound: Bound::both(0.01),
+        bound: Bound::both(0.012),
         limit: None,
         experiment: Experiment::Picture(|depth| {
             let mut scene = stage("parallel mirrors");
@@ -42,7 +42,7 @@ pub(super) const CASES: &[Case] = &[
         name: "curved-mirror",
         parameter: "1/radius",
         values: &[1.0, 4.0, 16.0, 64.0, 128.0],
-        bound: Bound::both(0.03),
+        bound: Bound::both(0.004),
         limit: None,
         experiment: Experiment::Picture(|inverse| {
             let mut scene = stage("curved mirror");
@@ -55,7 +55,7 @@ pub(super) const CASES: &[Case] = &[
         name: "concave-mirror",
         parameter: "magnification",
         values: &[1.0, 2.0, 8.0, 32.0, 128.0],
-        bound: Bound::both(0.03),
+        bound: Bound::both(0.006),
         limit: None,
         experiment: Experiment::Picture(|magnification| {
             // f = R / 2; a wall at distance d is magnified f / (f - d) times: d = f (1 - 1 / magnification).

@@ -15,7 +15,7 @@ pub(super) const CASES: &[Case] = &[
         name: "scale",
         parameter: "units",
         values: &[1e-6, 1e-4, 1e-2, 1.0, 1e2, 1e4, 1e6],
-        bound: Bound { reference: 0.02, truth: 0.005 },
+        bound: Bound { reference: 0.006, truth: 0.003 },
         limit: None,
         experiment: Experiment::Picture(|scale| twin(scale as f32, Quat::IDENTITY, Vec3::ZERO)),
     },
@@ -23,7 +23,7 @@ pub(super) const CASES: &[Case] = &[
         name: "rotation",
         parameter: "degrees",
         values: &[0.0, 1e-3, 1.0, 45.0, 90.0, 123.0, 180.0],
-        bound: Bound { reference: 0.02, truth: 0.01 },
+        bound: Bound { reference: 0.006, truth: 0.003 },
         limit: None,
         experiment: Experiment::Picture(|angle| {
             let axis = Vec3::new(0.3, 0.9, -0.2).normalize();
@@ -34,7 +34,7 @@ pub(super) const CASES: &[Case] = &[
         name: "translation",
         parameter: "units",
         values: &[0.0, 1.0, 10.0, 100.0, 1000.0],
-        bound: Bound { reference: 0.02, truth: 0.01 },
+        bound: Bound { reference: 0.006, truth: 0.01 },
         limit: None,
         experiment: Experiment::Picture(|d| twin(1.0, Quat::IDENTITY, Vec3::new(1.0, -0.7, 0.4) * d as f32)),
     },
@@ -42,7 +42,7 @@ pub(super) const CASES: &[Case] = &[
         name: "offset-node",
         parameter: "units",
         values: &[0.0, 1.0, 1e2, 1e4, 1e6],
-        bound: Bound { reference: 0.02, truth: 0.005 },
+        bound: Bound { reference: 0.006, truth: 0.001 },
         limit: None,
         experiment: Experiment::Picture(|offset| {
             let mut moved = still_life()?;
@@ -55,7 +55,7 @@ pub(super) const CASES: &[Case] = &[
         parameter: "units",
         values: &[0.0, 1.0, 1e2, 1e4, 1e6],
         // The file's own numbers are rounded: there is no twin.
-        bound: Bound::both(0.02),
+        bound: Bound::both(0.006),
         limit: None,
         experiment: Experiment::Picture(|offset| {
             let moved =
@@ -67,7 +67,7 @@ pub(super) const CASES: &[Case] = &[
         name: "near-far",
         parameter: "ratio",
         values: &[1e1, 1e3, 1e5, 1e6, 1e7],
-        bound: Bound::both(0.01),
+        bound: Bound::both(0.003),
         limit: None,
         experiment: Experiment::Picture(|ratio| {
             // The walls stand HALF away from the eye, the mirror HALF / ratio.
@@ -148,5 +148,6 @@ fn moved(mut scene: Scene, scale: f32, rotation: Quat, translation: Vec3) -> Sce
         (camera.right, camera.up, camera.forward) =
             (turn * camera.right, turn * camera.up, turn * camera.forward);
     }
+    scene.recentre();
     scene
 }

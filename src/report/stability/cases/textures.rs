@@ -9,7 +9,7 @@ pub(super) const CASES: &[Case] = &[
         name: "texture-width",
         parameter: "texels",
         values: &[1.0, 2.0, 64.0, 1024.0, 16384.0],
-        bound: Bound::both(0.01),
+        bound: Bound::both(0.015),
         limit: None,
         experiment: Experiment::Picture(|width| {
             poster(smooth(width as u32, 1), 1, |u, v| Vec2::new(u, v), 0.7)
@@ -19,7 +19,7 @@ pub(super) const CASES: &[Case] = &[
         name: "uv-scale",
         parameter: "repeats",
         values: &[1.0, 1e1, 1e2, 1e3, 1e4],
-        bound: Bound::both(0.02),
+        bound: Bound::both(0.01),
         limit: None,
         // The field of view narrows as the texture shrinks, so that a texel stays larger than a pixel.
         experiment: Experiment::Picture(|repeats| {
@@ -30,21 +30,17 @@ pub(super) const CASES: &[Case] = &[
     Case {
         name: "uv-seams",
         parameter: "seams",
-        values: &[0.0, 1.0, 7.0, 31.0],
-        bound: Bound::both(0.02),
+        values: &[0.0, 1.0, 3.0, 7.0, 15.0],
+        bound: Bound::both(0.015),
         limit: None,
-        // Each strip carries the texture the other way round: coordinates mirrored at every seam.
+        // Strips of one texture whose coordinates turn round at every seam.
         experiment: Experiment::Picture(|seams| {
             let strips = seams as u32 + 1;
-            poster(
-                smooth(256, 256),
-                strips,
-                move |u, v| {
-                    let strip = u * strips as f32;
-                    Vec2::new(if strip.round() as u32 % 2 == 0 { 0.0 } else { 1.0 }, v)
-                },
-                0.7,
-            )
+            let turned = move |u: f32, v: f32| {
+                let odd = (u * strips as f32).round() as u32 % 2;
+                Vec2::new(0.3 + odd as f32 / strips as f32, v)
+            };
+            poster(smooth(256, 256), strips, turned, 0.7)
         }),
     },
 ];

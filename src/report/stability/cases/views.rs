@@ -7,7 +7,7 @@ pub(super) const CASES: &[Case] = &[
         name: "field-of-view",
         parameter: "degrees",
         values: &[0.01, 0.1, 1.0, 40.0, 120.0, 170.0, 179.0],
-        bound: Bound::both(0.01),
+        bound: Bound::both(0.005),
         limit: None,
         experiment: Experiment::Picture(|degrees| mirror_seen(degrees.to_radians() as f32)),
     },
@@ -15,7 +15,7 @@ pub(super) const CASES: &[Case] = &[
         name: "image-width",
         parameter: "pixels",
         values: &[1.0, 16.0, 255.0, 4097.0, 16384.0],
-        bound: Bound::both(0.02),
+        bound: Bound::both(0.003),
         limit: None,
         experiment: Experiment::Picture(|width| {
             // As wide a view whatever the width, so that a line crosses the mirror.
@@ -27,7 +27,7 @@ pub(super) const CASES: &[Case] = &[
         name: "image-height",
         parameter: "pixels",
         values: &[1.0, 16.0, 255.0, 4097.0, 16384.0],
-        bound: Bound::both(0.02),
+        bound: Bound::both(0.003),
         limit: None,
         experiment: Experiment::Picture(|height| {
             Ok(Trial { size: Some((1, height as u32)), ..mirror_seen(0.9)? })
