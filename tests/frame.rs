@@ -7,6 +7,7 @@ use std::path::Path;
 use glam::{Vec2, Vec3, Vec4, vec3};
 use vertex_tracing::{
     frame::{Frame, Renderer},
+    gpu::Fault,
     options::{Options, Shadows},
     report::{
         FloatImage,
@@ -258,4 +259,33 @@ fn golden_cup() {
         panic!("{psnr:.1} dB from the golden image; see {} (VTRACE_BLESS=1 accepts it)", actual.display());
     }
     gpu.finish();
+}
+
+#[test]
+fn a_failing_frame_says_why_and_leaves_nothing_behind() {
+    let scene = Demo::CupAndGlass.scene();
+    let mut options = Options::default();
+    (options.view.width, options.view.height) = (64, 48);
+    options.effort.max_samples = Some(500);
+    let view = options.view.resolve(&scene).unwrap();
+    for (call, fault, words) in [
+        ("vkAllocateMemory", Fault::OutOfDeviceMemory, "none left"),
+        ("vkCreateBuffer", Fault::OutOfDeviceMemory, "none left"),
+        ("vkCreateGraphicsPipelines", Fault::OutOfDeviceMemory, "memory"),
+        ("vkQueueSubmit2", Fault::DeviceLost, "lost"),
+        ("vkWaitSemaphores", Fault::DeviceLost, "lost"),
+    ] {
+        let gpu = TestGpu::open();
+        let mut renderer = Renderer::new(&gpu, &scene, &options).unwrap();
+        renderer.render(&view).unwrap();
+        drop(renderer);
+        gpu.fail_next(call, fault);
+        let failed =
+            Renderer::new(&gpu, &scene, &options).and_then(|mut renderer| renderer.render(&view).map(drop));
+        let message = failed.expect_err(call).to_string();
+        assert!(message.contains(words) && !message.contains('\n'), "{call}: {message}");
+        // And the device goes on serving.
+        Renderer::new(&gpu, &scene, &options).unwrap().render(&view).unwrap();
+        gpu.finish();
+    }
 }
