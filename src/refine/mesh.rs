@@ -13,6 +13,9 @@ use crate::scene::{Scene, View, mesh::unit, topology::Topology};
 /// No face, vertex or side.
 pub const NONE: u32 = u32::MAX;
 
+/// Shortest edge that is bisected, in roundings of its ends' largest coordinate.
+const SHORTEST_EDGE: f32 = 8.0;
+
 /// A side of an edge: `face << 2 | edge`, where edge `i` runs from corner `i` to corner `i + 1`.
 type Side = u32;
 
@@ -217,12 +220,12 @@ impl Mesh {
         self.image_length_squared(a, b).sqrt() * self.pixels_per_unit
     }
 
-    /// Squared length of an edge in units of `images`: 0 where no number lies between its ends, as on an edge that
-    /// leads past the eye. Its middle would be one of them, and bisecting it would never end.
+    /// Squared length of an edge in units of `images`: 0 where its ends are so few roundings apart that its middle may
+    /// fall on one of them. Halves as long as the whole would be bisected for ever.
     fn image_length_squared(&self, a: u32, b: u32) -> f32 {
         let [p, q] = [a, b].map(|point| self.points[point as usize]);
-        let middle = (p + q) * 0.5;
-        if middle == p || middle == q {
+        let rounding = p.abs().max(q.abs()).max_element() * f32::EPSILON;
+        if (p - q).abs().max_element() <= SHORTEST_EDGE * rounding {
             return 0.0;
         }
         (self.images[a as usize] - self.images[b as usize]).length_squared()

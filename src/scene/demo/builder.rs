@@ -187,6 +187,9 @@ fn check(mesh: &Mesh) -> Result<(), String> {
     if mesh.normals.len() != count || !(mesh.uvs.is_empty() || mesh.uvs.len() == count) {
         return Err("positions, normals and texture coordinates differ in number".into());
     }
+    if let Some(v) = mesh.positions.iter().position(|position| !position.is_finite()) {
+        return Err(format!("position {v} is not finite"));
+    }
     if let Some(v) = mesh.positions.iter().position(|position| !(position.abs().max_element() <= MAX_REACH)) {
         return Err(format!("position {v} is not within {MAX_REACH:e} units of the origin"));
     }
