@@ -3,9 +3,12 @@
 mod common;
 
 use std::path::Path;
+use std::sync::Arc;
+use std::sync::atomic::{AtomicBool, Ordering};
 
 use glam::{Vec2, Vec3, Vec4, vec3};
 use vertex_tracing::{
+    error::Error,
     frame::{Frame, Renderer},
     gpu::Fault,
     options::{Options, Shadows},
@@ -288,4 +291,21 @@ fn a_failing_frame_says_why_and_leaves_nothing_behind() {
         Renderer::new(&gpu, &scene, &options).unwrap().render(&view).unwrap();
         gpu.finish();
     }
+}
+
+#[test]
+fn an_interrupt_ends_a_frame_between_steps() {
+    let scene = Demo::CupAndGlass.scene();
+    let options = options(64, 48);
+    let view = options.view.resolve(&scene).unwrap();
+    let gpu = TestGpu::open();
+    let mut renderer = Renderer::new(&gpu, &scene, &options).unwrap();
+    let flag = Arc::new(AtomicBool::new(true));
+    renderer.set_interrupt(flag.clone());
+    assert!(matches!(renderer.render(&view), Err(Error::Interrupted)));
+    // The same renderer serves again.
+    flag.store(false, Ordering::Relaxed);
+    assert!(renderer.render(&view).unwrap().stats.samples > 0);
+    drop(renderer);
+    gpu.finish();
 }

@@ -190,7 +190,7 @@ fn check(mesh: &Mesh) -> Result<(), String> {
     if let Some(v) = mesh.positions.iter().position(|position| !position.is_finite()) {
         return Err(format!("position {v} is not finite"));
     }
-    if let Some(v) = mesh.positions.iter().position(|position| !(position.abs().max_element() <= MAX_REACH)) {
+    if let Some(v) = mesh.positions.iter().position(|position| position.abs().max_element() > MAX_REACH) {
         return Err(format!("position {v} is not within {MAX_REACH:e} units of the origin"));
     }
     if let Some(v) = mesh.normals.iter().position(|normal| normal.try_normalize().is_none()) {

@@ -11,9 +11,7 @@ pub(super) const CASES: &[Case] = &[
         values: &[1.0, 2.0, 64.0, 1024.0, 16384.0],
         bound: Bound::both(0.015),
         limit: None,
-        experiment: Experiment::Picture(|width| {
-            poster(smooth(width as u32, 1), 1, |u, v| Vec2::new(u, v), 0.7)
-        }),
+        experiment: Experiment::Picture(|width| poster(smooth(width as u32, 1), 1, Vec2::new, 0.7)),
     },
     Case {
         name: "uv-scale",
