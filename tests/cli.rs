@@ -162,6 +162,7 @@ fn bad_input_exits_1_with_one_line_and_leaves_no_file() {
         (&["reference", "scene.glb", "-o", "out.png", "--vt", "nobody"], "--vt nobody: "),
         (&["reference", "scene.glb", "-o", "out.png", "--environment", "absent.hdr"], "absent.hdr: "),
         (&["reference", "scene.glb", "-o", "out.png", "--max-triangles", "1"], "scene.glb: "),
+        (&["reference", "scene.glb", "-o", "out.png", "--max-nodes", "1"], "(--max-nodes)"),
         (&["render", "absent.glb", "-o", "out.png"], "absent.glb: "),
         (&["render", "cut.glb", "-o", "out.png"], "cut.glb: "),
         (&["render", "scene.glb", "-o", "absent/out.png"], "absent/out.png: folder absent does not exist"),

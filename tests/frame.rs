@@ -3,10 +3,14 @@
 mod common;
 
 use std::path::Path;
+use std::sync::Arc;
+use std::sync::atomic::{AtomicBool, Ordering};
 
 use glam::{Vec2, Vec3, Vec4, vec3};
 use vertex_tracing::{
+    error::Error,
     frame::{Frame, Renderer},
+    gpu::Fault,
     options::{Options, Shadows},
     report::{
         FloatImage,
@@ -257,5 +261,51 @@ fn golden_cup() {
         write_image(&actual, &frame.image, 0.0).unwrap();
         panic!("{psnr:.1} dB from the golden image; see {} (VTRACE_BLESS=1 accepts it)", actual.display());
     }
+    gpu.finish();
+}
+
+#[test]
+fn a_failing_frame_says_why_and_leaves_nothing_behind() {
+    let scene = Demo::CupAndGlass.scene();
+    let mut options = Options::default();
+    (options.view.width, options.view.height) = (64, 48);
+    options.effort.max_samples = Some(500);
+    let view = options.view.resolve(&scene).unwrap();
+    for (call, fault, words) in [
+        ("vkAllocateMemory", Fault::OutOfDeviceMemory, "none left"),
+        ("vkCreateBuffer", Fault::OutOfDeviceMemory, "none left"),
+        ("vkCreateGraphicsPipelines", Fault::OutOfDeviceMemory, "memory"),
+        ("vkQueueSubmit2", Fault::DeviceLost, "lost"),
+        ("vkWaitSemaphores", Fault::DeviceLost, "lost"),
+    ] {
+        let gpu = TestGpu::open();
+        let mut renderer = Renderer::new(&gpu, &scene, &options).unwrap();
+        renderer.render(&view).unwrap();
+        drop(renderer);
+        gpu.fail_next(call, fault);
+        let failed =
+            Renderer::new(&gpu, &scene, &options).and_then(|mut renderer| renderer.render(&view).map(drop));
+        let message = failed.expect_err(call).to_string();
+        assert!(message.contains(words) && !message.contains('\n'), "{call}: {message}");
+        // And the device goes on serving.
+        Renderer::new(&gpu, &scene, &options).unwrap().render(&view).unwrap();
+        gpu.finish();
+    }
+}
+
+#[test]
+fn an_interrupt_ends_a_frame_between_steps() {
+    let scene = Demo::CupAndGlass.scene();
+    let options = options(64, 48);
+    let view = options.view.resolve(&scene).unwrap();
+    let gpu = TestGpu::open();
+    let mut renderer = Renderer::new(&gpu, &scene, &options).unwrap();
+    let flag = Arc::new(AtomicBool::new(true));
+    renderer.set_interrupt(flag.clone());
+    assert!(matches!(renderer.render(&view), Err(Error::Interrupted)));
+    // The same renderer serves again.
+    flag.store(false, Ordering::Relaxed);
+    assert!(renderer.render(&view).unwrap().stats.samples > 0);
+    drop(renderer);
     gpu.finish();
 }

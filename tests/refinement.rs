@@ -153,3 +153,32 @@ fn one_midpoint_for_both_sides_of_a_seam() {
         assert_eq!(sides, 2, "a point of the seam has a vertex for each side");
     }
 }
+
+#[test]
+fn bisection_ends_where_coordinates_do() {
+    // Far from zero, where two neighbouring numbers are two units apart, and seen from close by. The face on the
+    // other side keeps the scene's centre between them.
+    use vertex_tracing::scene::demo::{SceneBuilder, matte, shape};
+    let far = 24_934_666.0;
+    let mut builder = SceneBuilder::new("coarse");
+    let material = builder.material(matte("white"));
+    let mut near = shape::plane(glam::vec3(far, 0.0, 1.0), glam::Vec3::Y, glam::Vec3::NEG_Z, 1.0);
+    near.positions[2] = glam::vec3(far + 2.0, 0.034, 0.969);
+    let other = shape::plane(glam::vec3(-far, 0.0, 0.0), glam::Vec3::Y, glam::Vec3::Z, 1.0);
+    builder.mesh("both", near.merged(&other), material);
+    let camera = Camera::look_at(glam::vec3(far + 6.0, 1.1, 0.0), glam::vec3(far, 0.4, 0.5), 0.7);
+    builder.camera(camera);
+    let scene = builder.build().unwrap();
+    let topology = Topology::new(&scene.geometry);
+    let view = view(&scene);
+    let mut mesh = Mesh::new(&scene, &topology, &view, &[0, 1]);
+    for _ in 0..200 {
+        let large: Vec<u32> = mesh.leaves().filter(|&face| mesh.size(face) > 3.5).collect();
+        large.iter().for_each(|&face| mesh.bisect(face, &mut Vec::new()));
+        assert!(mesh.faces.len() < 1000, "bisected without end");
+        if large.is_empty() {
+            return;
+        }
+    }
+    panic!("bisected without end");
+}

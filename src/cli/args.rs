@@ -179,6 +179,9 @@ pub struct SceneArgs {
     /// Refuse files whose textures take more memory
     #[arg(long, value_name = "N")]
     pub max_texture_bytes: Option<u64>,
+    /// Refuse files with more nodes
+    #[arg(long, value_name = "N")]
+    pub max_nodes: Option<u64>,
 }
 
 impl SceneArgs {
@@ -196,6 +199,7 @@ impl SceneArgs {
             environment: self.environment.clone(),
             max_triangles: self.max_triangles,
             max_texture_bytes: self.max_texture_bytes,
+            max_nodes: self.max_nodes,
         }
     }
 }

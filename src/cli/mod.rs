@@ -15,6 +15,8 @@ mod profile;
 mod reference;
 pub mod render;
 mod scene;
+#[cfg(feature = "bench")]
+mod stability;
 mod terminal;
 pub mod values;
 
@@ -41,6 +43,8 @@ enum Command {
     Devices(devices::DevicesArgs),
     #[cfg(feature = "bench")]
     Profile(profile::ProfileArgs),
+    #[cfg(feature = "bench")]
+    Stability(stability::StabilityArgs),
     Plan(Box<plan::PlanArgs>),
     #[cfg(feature = "bench")]
     Bench(Box<bench::BenchArgs>),
@@ -88,6 +92,8 @@ pub fn main() -> ExitCode {
             Command::Devices(args) => devices::run(&args)?,
             #[cfg(feature = "bench")]
             Command::Profile(args) => profile::run(&args)?,
+            #[cfg(feature = "bench")]
+            Command::Stability(args) => stability::run(&args)?,
             Command::Plan(args) => plan::run(&args)?,
             #[cfg(feature = "bench")]
             Command::Bench(args) => bench::run(&args)?,

@@ -152,7 +152,7 @@ mod tests {
              paper --nodes 2 --visibility device --error 0.25 --max-samples 9 --budget 40 --depth 7 \
              --min-throughput 0.5 --msaa 4 --ss 16 --filter aniso8 --shadows vt --fresnel --vt a --vt b \
              --no-vt c --roughness-threshold 0.2 --background 0.1,0.2,0.3 --max-triangles 5 \
-             --max-texture-bytes 6 --show ids --everything --device 1",
+             --max-texture-bytes 6 --max-nodes 7 --show ids --everything --device 1",
         )
         .unwrap();
         assert_eq!((options.view.width, options.view.height, options.view.fov), (64, 48, Some(30.0)));
@@ -171,7 +171,8 @@ mod tests {
         assert_eq!((scene.shadows, scene.fresnel), (Shadows::Vt, true));
         assert_eq!((scene.vt.force.join(" "), scene.vt.forbid.join(" ")), ("a b".into(), "c".into()));
         assert_eq!((scene.vt.roughness_threshold, scene.background), (0.2, Some(Vec3::new(0.1, 0.2, 0.3))));
-        assert_eq!((scene.max_triangles, scene.max_texture_bytes), (Some(5), Some(6)));
+        let budgets = (scene.max_triangles, scene.max_texture_bytes, scene.max_nodes);
+        assert_eq!(budgets, (Some(5), Some(6), Some(7)));
         assert_eq!((options.show, options.everything), (Some(Show::Ids), true));
         assert_eq!(options.device.as_deref(), Some("1"));
     }

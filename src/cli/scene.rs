@@ -18,6 +18,7 @@ pub fn load(file: &Path, options: &SceneOptions) -> Result<Scene> {
     let limits = gltf::Limits {
         max_triangles: options.max_triangles.unwrap_or(default.max_triangles),
         max_texture_bytes: options.max_texture_bytes.unwrap_or(default.max_texture_bytes),
+        max_nodes: options.max_nodes.unwrap_or(default.max_nodes),
         ..default
     };
     let mut scene = gltf::load(file, &limits)?;

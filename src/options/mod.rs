@@ -153,6 +153,8 @@ pub struct SceneOptions {
     pub max_triangles: Option<u64>,
     /// Most bytes that decoded textures may take; `None` is the loader's own limit.
     pub max_texture_bytes: Option<u64>,
+    /// Most nodes that a file may have; `None` is the loader's own limit.
+    pub max_nodes: Option<u64>,
 }
 
 impl Options {

@@ -8,10 +8,13 @@
 use glam::{Vec2, Vec3, Vec4};
 use rustc_hash::FxHashMap;
 
-use crate::scene::{Scene, View, topology::Topology};
+use crate::scene::{Scene, View, mesh::unit, topology::Topology};
 
 /// No face, vertex or side.
 pub const NONE: u32 = u32::MAX;
+
+/// Shortest edge that is bisected, in roundings of its ends' largest coordinate.
+const SHORTEST_EDGE: f32 = 8.0;
 
 /// A side of an edge: `face << 2 | edge`, where edge `i` runs from corner `i` to corner `i + 1`.
 type Side = u32;
@@ -193,7 +196,8 @@ impl Mesh {
         if self.view.orthographic {
             Vec3::new(to.dot(self.view.right), to.dot(self.view.up), 1.0)
         } else {
-            to.normalize_or(self.view.forward)
+            // Nearer than the near plane directions turn without bound, and nothing is seen.
+            to / to.length().max(self.view.near)
         }
     }
 
@@ -213,7 +217,18 @@ impl Mesh {
     /// Length of an edge in pixels, as seen from the eye.
     fn edge_length(&self, s: Side) -> f32 {
         let (a, b) = self.edge_points(s);
-        (self.images[a as usize] - self.images[b as usize]).length() * self.pixels_per_unit
+        self.image_length_squared(a, b).sqrt() * self.pixels_per_unit
+    }
+
+    /// Squared length of an edge in units of `images`: 0 where its ends are so few roundings apart that its middle may
+    /// fall on one of them. Halves as long as the whole would be bisected for ever.
+    fn image_length_squared(&self, a: u32, b: u32) -> f32 {
+        let [p, q] = [a, b].map(|point| self.points[point as usize]);
+        let rounding = p.abs().max(q.abs()).max_element() * f32::EPSILON;
+        if (p - q).abs().max_element() <= SHORTEST_EDGE * rounding {
+            return 0.0;
+        }
+        (self.images[a as usize] - self.images[b as usize]).length_squared()
     }
 
     /// The longest edge of a face. Ties are broken by point ids, so that edges have one strict order and
@@ -221,8 +236,7 @@ impl Mesh {
     fn longest(&self, face: u32) -> Side {
         let key = |s: Side| {
             let (a, b) = self.edge_points(s);
-            let length = (self.images[a as usize] - self.images[b as usize]).length_squared();
-            (length.to_bits(), b, a) // non-negative floats order as their bits
+            (self.image_length_squared(a, b).to_bits(), b, a) // non-negative floats order as their bits
         };
         (0..3).map(|edge| side(face, edge)).max_by_key(|&s| key(s)).expect("a face has three edges")
     }
@@ -346,7 +360,7 @@ impl Mesh {
             base: a.base,
             back: a.back,
             normal: (a.normal + b.normal) * 0.5,
-            geometric: a.geometric.normalize_or_zero() + b.geometric.normalize_or_zero(),
+            geometric: [a, b].iter().filter_map(|end| unit(end.geometric)).sum(),
             uv: [(a.uv[0] + b.uv[0]) * 0.5, (a.uv[1] + b.uv[1]) * 0.5],
             color: (a.color + b.color) * 0.5,
             tangent: (a.tangent.truncate() + b.tangent.truncate()).extend(a.tangent.w * 2.0) * 0.5,

@@ -37,6 +37,10 @@ const BATCH_MAX: usize = 4096;
 const EXPLORE: f32 = 0.01;
 const EXPLORE_FADE: f32 = 0.1;
 
+/// Longest edge, as a share of the image's longer side, of a face whose samples are trusted although nothing between them
+/// was looked at: whatever corners predict, a larger one may hide anything.
+const BLIND: f32 = 0.125;
+
 /// Share of a bisected face's error that each half inherits.
 const INHERITED: f32 = 0.5;
 
@@ -150,12 +154,18 @@ impl<'a> Refiner<'a> {
         for (&face, state) in faces.iter().zip(states) {
             self.state[face as usize] = state;
             let level = i32::from(self.mesh.faces[face as usize].level);
-            let explored = EXPLORE * EXPLORE_FADE.powi(level);
+            let explored = if self.is_blind(face) { EXPLORE } else { EXPLORE * EXPLORE_FADE.powi(level) };
             let color = state.deviation.color + explored;
             if state.pixels > 0.0 && color > NEGLIGIBLE {
                 self.queue.push(Entry { priority: color * state.pixels, face });
             }
         }
+    }
+
+    /// Whether the face is visible and too large to be trusted.
+    fn is_blind(&self, face: u32) -> bool {
+        self.state[face as usize].pixels > 0.0
+            && self.mesh.size(face) > BLIND * self.context.view.height.max(self.context.view.width) as f32
     }
 
     /// Samples that count against a budget: vertices, and pixels traced one by one.
@@ -203,8 +213,11 @@ impl<'a> Refiner<'a> {
             {
                 return Ok(StoppedBy::Budget);
             }
-            if effort.max_samples.is_none() && effort.budget.is_none() && self.predicted().0 <= effort.error {
-                return Ok(StoppedBy::Error);
+            if effort.max_samples.is_none() && effort.budget.is_none() {
+                let blind = self.mesh.leaves().any(|face| self.is_blind(face));
+                if !blind && self.predicted().0 <= effort.error {
+                    return Ok(StoppedBy::Error);
+                }
             }
             let room = effort.max_samples.map_or(u64::MAX, |limit| limit - self.cost());
             let step_started = Instant::now();

@@ -40,6 +40,9 @@ const FEW: &[[f32; 3]] =
     &[[1.0 / 3.0, 1.0 / 3.0, 1.0 / 3.0], [0.7, 0.15, 0.15], [0.15, 0.7, 0.15], [0.15, 0.15, 0.7]];
 const MANY_SIDE: u32 = 6;
 
+/// Columns and rows of points in the frame at which a face larger than it is looked for.
+const FRAME_SIDE: u32 = 16;
+
 /// The face that needs samples and shows at pixel (`x`, `y`), by a primary ray if no image says it.
 pub fn face_at(context: &Context, shown: Shown, classes: &[Class], x: u32, y: u32) -> Option<u32> {
     match shown {
@@ -72,6 +75,10 @@ fn visible_in_image(mesh: &Mesh, view: &View, ids: IdImage, face: u32) -> f32 {
     let corners =
         mesh.faces[face as usize].corners.map(|v| mesh.images[mesh.vertices[v as usize].point as usize]);
     let area = mesh.area(face);
+    let frame = ids.pixels.len() as f32;
+    if area > frame {
+        return frame * share_of_frame(mesh, view, ids, base, corners);
+    }
     let shows = |weights: [f32; 3]| {
         let image = corners[0] * weights[0] + corners[1] * weights[1] + corners[2] * weights[2];
         pixel_of(view, image).is_some_and(|(x, y)| ids.face(x, y) == Some(base))
@@ -90,6 +97,25 @@ fn visible_in_image(mesh: &Mesh, view: &View, ids: IdImage, face: u32) -> f32 {
         seen as f32 / all as f32
     };
     area * share
+}
+
+/// Share of the frame that shows `base` inside the image vectors `corners`: looked for from the frame's side, where a
+/// face reaches so far beyond it that points spread over the face would miss it.
+fn share_of_frame(mesh: &Mesh, view: &View, ids: IdImage, base: u32, corners: [Vec3; 3]) -> f32 {
+    let [a, b, c] = corners;
+    let edges = [a.cross(b), b.cross(c), c.cross(a)];
+    let (columns, rows) = (view.width.min(FRAME_SIDE), view.height.min(FRAME_SIDE));
+    let points = (0..rows).flat_map(|row| (0..columns).map(move |column| (column, row)));
+    let middle = |cell: u32, cells: u32, size: u32| ((2 * cell + 1) * size / (2 * cells)).min(size - 1);
+    let shown = points.filter(|&(column, row)| {
+        let (x, y) = (middle(column, columns, view.width), middle(row, rows, view.height));
+        let (origin, direction) = view.ray(Vec2::new(x as f32, y as f32) + 0.5);
+        let image = if view.orthographic { mesh.image_of(origin) } else { direction };
+        let sides = edges.map(|edge| edge.dot(image));
+        ids.face(x, y) == Some(base)
+            && (sides.iter().all(|&side| side >= 0.0) || sides.iter().all(|&side| side <= 0.0))
+    });
+    shown.count() as f32 / (columns * rows) as f32
 }
 
 /// The pixel that an image vector falls into, if it is inside the frame.

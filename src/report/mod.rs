@@ -11,6 +11,8 @@ pub mod page;
 mod pfm;
 #[cfg(feature = "bench")]
 pub mod profile;
+#[cfg(feature = "bench")]
+pub mod stability;
 pub mod stats;
 
 pub use image::FloatImage;

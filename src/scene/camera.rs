@@ -2,6 +2,10 @@
 
 use glam::{DVec3, Mat3, Mat4, Vec2, Vec3, Vec4};
 
+/// The near plane's share of the distance to the scene's farthest corner. Reversed depth in floating point is as
+/// fine at any distance, so that nothing asks for more.
+const NEAR: f32 = 1e-10;
+
 /// A camera, in world space relative to [`Scene::origin`](super::Scene::origin).
 #[derive(Debug, Clone)]
 pub struct Camera {
@@ -124,7 +128,7 @@ impl View {
             forward: camera.forward,
             half,
             orthographic,
-            near: reach * 1e-7,
+            near: reach * NEAR,
             far: if orthographic { reach * 1.01 } else { f32::INFINITY },
             width,
             height,

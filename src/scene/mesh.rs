@@ -49,6 +49,18 @@ impl Geometry {
     }
 }
 
+/// Largest coordinate, as a distance from the scene's centre, whose squares and products single precision holds.
+pub const MAX_REACH: f32 = 1e17;
+
+/// `v` at length 1, whatever its magnitude; `None` for zero and for what is not finite.
+///
+/// The normal of a face has the square of its edges for a length, whose own square would leave the range of `f32`
+/// for edges below 1e-9 or above 1e9 units.
+pub fn unit(v: Vec3) -> Option<Vec3> {
+    let largest = v.abs().max_element();
+    (largest > 0.0).then(|| v / largest)?.try_normalize()
+}
+
 /// One instance of a mesh primitive.
 #[derive(Debug, Clone)]
 pub struct Object {

@@ -80,6 +80,27 @@ impl Scene {
         bounds.fold((first, first), |(low, high), p| (low.min(p), high.max(p)))
     }
 
+    /// Moves [`Scene::origin`] to the centre of the faces if they lie so far from it that their positions waste
+    /// precision; the scene stays where it is in the world.
+    ///
+    /// Differences of numbers within a factor of two are exact, so that nothing is rounded on the way.
+    pub fn recentre(&mut self) {
+        let (low, high) = self.bounds();
+        let (centre, extent) = ((low + high) * 0.5, (high - low).max_element());
+        if !centre.is_finite() || centre.abs().max_element() <= extent {
+            return;
+        }
+        self.origin += centre.as_dvec3();
+        self.geometry.positions.iter_mut().for_each(|position| *position -= centre);
+        self.cameras.iter_mut().for_each(|camera| camera.position -= centre);
+        for light in &mut self.lights {
+            match &mut light.kind {
+                LightKind::Point { position, .. } | LightKind::Spot { position, .. } => *position -= centre,
+                LightKind::Directional { .. } => {}
+            }
+        }
+    }
+
     /// The material of face `face`.
     pub fn face_material(&self, face: u32) -> &Material {
         let object = self.geometry.face_objects[face as usize];

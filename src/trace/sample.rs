@@ -10,6 +10,7 @@ use super::optics::{self, BranchKind};
 use super::shade::{self, Local};
 use super::{Appearance, Rays, Settings, Surface, Tracer};
 use crate::scene::View;
+use crate::scene::mesh::unit;
 use crate::scene::patch::{ENVIRONMENT, TargetId, Targets};
 
 /// What every sample is traced with.
@@ -103,7 +104,7 @@ pub fn trace(context: &Context, start: &Start, nodes: &mut Vec<Node>, rays: &mut
     let direction = context.view.direction_to(start.position);
     let object = scene.geometry.face_objects[start.face as usize];
     let sign = if start.back { -1.0 } else { 1.0 };
-    let geometric = start.geometric.normalize_or(Vec3::Y) * sign;
+    let geometric = unit(start.geometric).unwrap_or(Vec3::Y) * sign;
     let surface = Surface {
         face: start.face,
         object,

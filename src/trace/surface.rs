@@ -5,7 +5,7 @@ use std::ops::{Add, Mul};
 use glam::{Mat3, Vec2, Vec3, Vec4};
 
 use super::{Tracer, optics, texel};
-use crate::scene::{AlphaMode, Material, Scene, TextureSlot};
+use crate::scene::{AlphaMode, Material, Scene, TextureSlot, mesh::unit};
 
 /// Ray origins leave their face by this many roundings of the largest coordinate around it.
 ///
@@ -166,7 +166,7 @@ pub(super) fn records(scene: &Scene) -> Vec<Record> {
             positions: geometry.corners(face as u32),
             normals: corners.map(|v| geometry.normals[v as usize]),
             uvs: corners.map(|v| geometry.uv(0, v)),
-            ng: geometry.area_normal(face as u32).normalize(),
+            ng: unit(geometry.area_normal(face as u32)).unwrap_or(Vec3::Y),
             offset: reach * (OFFSET_ROUNDINGS * f32::EPSILON * 0.5),
             object: object_index,
             material: object.material,

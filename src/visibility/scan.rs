@@ -221,6 +221,8 @@ fn for_each_run(pixels: &[u32], mut visit: impl FnMut(u32, u32)) {
 
 #[cfg(test)]
 mod tests {
+    use proptest::prelude::*;
+
     use super::*;
 
     fn pixel(code: u32, face: u32) -> u32 {
@@ -263,6 +265,30 @@ mod tests {
             }
             scanner.scan(&pixels, faces, &mut result);
             assert_eq!(result, plain(&pixels, faces), "{length} pixels");
+        }
+    }
+
+    proptest! {
+        #![proptest_config(ProptestConfig::with_cases(64))]
+
+        /// Runs of any length on any number of threads count as one by one.
+        #[test]
+        fn threads_and_runs_do_not_matter(
+            runs in prop::collection::vec((0..20_000_usize, 0..90_u32, 0..3_u32), 0..24),
+            threads in 1..9_usize,
+        ) {
+            let value = |face, kind| match kind {
+                0 => 0,
+                1 => pixel(CODE_VT, face),
+                _ => pixel(CODE_SHADOW, face),
+            };
+            let runs = runs.into_iter();
+            let pixels: Vec<u32> =
+                runs.flat_map(|(length, face, kind)| std::iter::repeat_n(value(face, kind), length)).collect();
+            let pool = rayon::ThreadPoolBuilder::new().num_threads(threads).build().unwrap();
+            let mut result = VisibleFaces::default();
+            pool.install(|| Scanner::default().scan(&pixels, 90, &mut result));
+            prop_assert_eq!(result, plain(&pixels, 90));
         }
     }
 

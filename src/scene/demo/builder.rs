@@ -7,6 +7,7 @@ use glam::{Affine2, DVec3, Vec2, Vec3, Vec4};
 use super::Mesh;
 use crate::error::{Error, Result};
 use crate::scene::classify::{VtRules, classify};
+use crate::scene::mesh::MAX_REACH;
 use crate::scene::{
     Background, Camera, Geometry, Image, Light, LightKind, Material, Object, Sampler, Scene, Texture,
     TextureSlot,
@@ -135,7 +136,8 @@ impl SceneBuilder {
         self
     }
 
-    /// The finished scene, its specular objects marked by [`classify`] with default rules.
+    /// The finished scene, its specular objects marked by [`classify`] with default rules, and its origin
+    /// amid what lies far from zero ([`Scene::recentre`]).
     ///
     /// # Errors
     /// [`Error::Scene`] for the first image, material or mesh that was not valid: sizes that do not agree, an
@@ -144,6 +146,7 @@ impl SceneBuilder {
         if let Some((object, problem)) = self.problem {
             return Err(Error::scene(Path::new(&self.scene.name), object, problem));
         }
+        self.scene.recentre();
         classify(&mut self.scene, &VtRules::default())?;
         Ok(self.scene)
     }
@@ -186,6 +189,9 @@ fn check(mesh: &Mesh) -> Result<(), String> {
     }
     if let Some(v) = mesh.positions.iter().position(|position| !position.is_finite()) {
         return Err(format!("position {v} is not finite"));
+    }
+    if let Some(v) = mesh.positions.iter().position(|position| position.abs().max_element() > MAX_REACH) {
+        return Err(format!("position {v} is not within {MAX_REACH:e} units of the origin"));
     }
     if let Some(v) = mesh.normals.iter().position(|normal| normal.try_normalize().is_none()) {
         return Err(format!("normal {v} is zero or not finite"));

@@ -63,7 +63,8 @@ impl Document {
         }
         let count = tree.get("nodes").and_then(Value::as_array).map_or(0, Vec::len) as u64;
         if count > limits.max_nodes {
-            let problem = format!("{count} nodes, but the limit is {}; merge nodes", limits.max_nodes);
+            let problem =
+                format!("{count} nodes, but the limit is {} (--max-nodes); merge nodes", limits.max_nodes);
             return Err(refuse("nodes", problem));
         }
 

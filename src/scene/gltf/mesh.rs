@@ -7,6 +7,7 @@ use glam::{DAffine3, DVec3};
 use gltf::json::mesh::Mode;
 use gltf::json::validation::Checked;
 use gltf::json::{Node, Root};
+use rustc_hash::{FxBuildHasher, FxHashSet};
 
 use super::Limits;
 use super::accessor::Reader;
@@ -19,6 +20,7 @@ use super::notes::Notes;
 use super::piece::{Attributes, Piece};
 use super::{tangents, triangles};
 use crate::error::{Error, Result};
+use crate::scene::mesh::MAX_REACH;
 use crate::scene::{Geometry, Material, Object};
 
 /// A primitive under a node of the scene.
@@ -186,10 +188,21 @@ pub fn assemble(
         // Strips repeat vertices to turn corners: nothing to remark there.
         let repeated = if listed { before - faces.len() } else { 0 };
 
+        let copies = drop_copies(&mut faces);
+        if copies > 0 {
+            reading.notes.add("duplicate faces", || format!("{name}: {copies} copies of faces are dropped"));
+        }
+
         let bad_joint = |joint: u32| {
             reading.refuse(part, "attributes.JOINTS_0", format!("joint {joint} of a smaller skin"))
         };
         let mut piece = Piece::place(&vertices, faces, origin).map_err(bad_joint)?;
+        if let Some(position) = piece.beyond_reach() {
+            let problem = format!(
+                "a vertex lies {position} from the scene's centre; more than {MAX_REACH:e} units cannot be drawn: scale the scene down"
+            );
+            return Err(reading.refuse(part, "attributes.POSITION", problem));
+        }
         let dropped = repeated + piece.drop_degenerate();
         if dropped > 0 {
             reading
@@ -288,4 +301,22 @@ impl Reading<'_> {
         let centre = low * 0.5 + high * 0.5;
         Ok(if low.x <= high.x && centre.is_finite() { centre } else { DVec3::ZERO })
     }
+}
+
+/// Drops faces that name the same vertices in the same order round as an earlier one, and returns how many: where two
+/// surfaces coincide, which of them is seen or met is left to rounding.
+fn drop_copies(faces: &mut Vec<[u32; 3]>) -> usize {
+    let before = faces.len();
+    let mut known = FxHashSet::with_capacity_and_hasher(before, FxBuildHasher);
+    faces.retain(|&[a, b, c]| {
+        let first = a.min(b).min(c);
+        known.insert(if first == a {
+            [a, b, c]
+        } else if first == b {
+            [b, c, a]
+        } else {
+            [c, a, b]
+        })
+    });
+    before - faces.len()
 }

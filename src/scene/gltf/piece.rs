@@ -13,6 +13,7 @@ use super::deform::Vertices;
 use super::tangents;
 use super::triangles::attribute;
 use crate::scene::camera::relative;
+use crate::scene::mesh::MAX_REACH;
 use crate::scene::{Geometry, TextureSlot};
 
 /// Parallel vertex arrays, and faces over them.
@@ -65,6 +66,15 @@ impl Piece {
             face.swap(1, 2);
         }
         Ok(Self { sources, positions, normals: Vec::new(), tangents: Vec::new(), faces })
+    }
+
+    /// The largest coordinate beyond what single precision can square, if there is one. Vertices at no finite place
+    /// do not count: their faces are dropped.
+    pub fn beyond_reach(&self) -> Option<f32> {
+        let used = self.faces.iter().flatten().map(|&v| self.positions[v as usize]);
+        let largest =
+            used.filter(|position| position.is_finite()).map(|position| position.abs().max_element());
+        largest.reduce(f32::max).filter(|&largest| largest > MAX_REACH)
     }
 
     /// Drops the faces without area and returns how many they were.
