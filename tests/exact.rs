@@ -1,0 +1,297 @@
+//! What exact reconstruction promises: closed-form coordinates through glass, the error that it predicts, no ray
+//! for anti-aliasing, no more rays than conventional tracing on dense meshes.
+
+use std::sync::Arc;
+
+use glam::{Vec2, Vec3, Vec4, vec3};
+use vertex_tracing::{
+    frame::{Frame, Renderer},
+    gpu::{self, Gpu, Messages},
+    options::{Msaa, Options, Shadows, Ss},
+    report::{
+        FloatImage,
+        metrics::{Comparison, Encoding, compare},
+    },
+    scene::{
+        Camera, Image, Material, Sampler, Scene, View, Volume, Wrap,
+        demo::{Demo, SceneBuilder, glass, matte, shape, stress},
+    },
+    trace::{
+        Settings, Tracer,
+        reference::{self, Reference},
+    },
+};
+
+/// A device under validation whose messages are checked at the end.
+struct Bench {
+    gpu: Arc<Gpu>,
+    messages: Arc<Messages>,
+}
+
+impl Bench {
+    fn new() -> Self {
+        let options = gpu::Options { validation: true, ..gpu::Options::default() };
+        let gpu =
+            Gpu::new(&options).unwrap_or_else(|error| panic!("the tests need a Vulkan device: {error}"));
+        Self { messages: gpu.messages(), gpu }
+    }
+
+    fn render(&self, scene: &Scene, options: &Options) -> (Frame, View) {
+        let view = options.view.resolve(scene).unwrap();
+        (Renderer::new(&self.gpu, scene, options).unwrap().render(&view).unwrap(), view)
+    }
+
+    fn finish(self) {
+        assert_eq!(Arc::strong_count(&self.gpu), 1, "something still holds the device");
+        drop(self.gpu);
+        assert_eq!(self.messages.errors(), Vec::<String>::new());
+    }
+}
+
+fn options(width: u32, height: u32) -> Options {
+    let mut options = Options::default();
+    (options.view.width, options.view.height) = (width, height);
+    options
+}
+
+/// The view by the reference tracer, of the pixels that `only` marks.
+fn traced(scene: &Scene, options: &Options, spp: u32, only: Option<&[bool]>) -> Reference {
+    let view = options.view.resolve(scene).unwrap();
+    let settings = Settings::new(&options.paths, &options.scene);
+    reference::render(&Tracer::new(scene), &view, &settings, spp, only, &Default::default(), &|_| {}).unwrap()
+}
+
+fn image(options: &Options, reference: &Reference) -> FloatImage {
+    let (width, height) = (options.view.width, options.view.height);
+    FloatImage { width, height, pixels: reference.image.clone() }
+}
+
+fn over_vt(frame: &Frame, options: &Options, truth: &Reference) -> Comparison {
+    compare(&image(options, truth), &frame.image, Some(&truth.vt_mask), Encoding::Srgb).unwrap()
+}
+
+/// A floor, 8 × 8 around the origin, that glows in the colour of its own coordinates.
+fn glowing_floor(builder: &mut SceneBuilder) {
+    const SIZE: u32 = 256;
+    let texel = |i: u32| [(i % SIZE) as u8, (i / SIZE) as u8, 0, 255];
+    let rgba: Vec<u8> = (0..SIZE * SIZE).flat_map(texel).collect();
+    let image = Image { name: "coordinates".into(), width: SIZE, height: SIZE, rgba: rgba.into() };
+    let clamped = Sampler { wrap_u: Wrap::Clamp, wrap_v: Wrap::Clamp, mip: None, ..Sampler::default() };
+    let slot = builder.sampled_texture(image, clamped, false);
+    let floor =
+        builder.material(Material { base_color_texture: Some(slot), unlit: true, ..matte("coordinates") });
+    builder.mesh("floor", shape::plane(vec3(-4.0, 0.0, 4.0), Vec3::X * 8.0, Vec3::NEG_Z * 8.0, 8.0), floor);
+}
+
+/// Coordinates that the floor shows at a point of it.
+fn floor_uv(point: Vec3) -> Vec2 {
+    Vec2::new((point.x + 4.0) / 8.0, (point.z + 4.0) / 8.0)
+}
+
+/// Coordinates back from a colour of the glowing floor. Texel i is i/255 at (i + 0.5)/256.
+fn shown_uv(color: Vec3) -> Vec2 {
+    Vec2::new(color.x * 255.0 + 0.5, color.y * 255.0 + 0.5) / 256.0
+}
+
+const IOR: f32 = 1.5;
+
+/// Clear glass that absorbs nothing.
+fn clear() -> Material {
+    Material {
+        volume: Some(Volume { attenuation_color: Vec3::ONE, attenuation_distance: f32::INFINITY }),
+        base_color: Vec4::ONE,
+        ..glass("clear", IOR)
+    }
+}
+
+/// Snell's law for a unit direction against a unit normal on the ray's side, and the share that passes.
+fn refract(d: Vec3, n: Vec3, from: f32, to: f32) -> Option<(Vec3, f32)> {
+    let eta = from / to;
+    let cos_in = -d.dot(n);
+    let square = 1.0 - eta * eta * (1.0 - cos_in * cos_in);
+    if square <= 0.0 {
+        return None;
+    }
+    let cos_out = square.sqrt();
+    let s = (from * cos_in - to * cos_out) / (from * cos_in + to * cos_out);
+    let p = (from * cos_out - to * cos_in) / (from * cos_out + to * cos_in);
+    Some((d * eta + n * (eta * cos_in - cos_out), 1.0 - 0.5 * (s * s + p * p)))
+}
+
+/// Floor coordinates behind two glass planes (unit normal towards the eye, distance from the origin), by Snell's
+/// law at each, and the share of light that passes both. Reflection inside adds nothing: it meets black.
+fn through(view: &View, x: u32, y: u32, planes: [(Vec3, f32); 2]) -> Option<(Vec3, Vec3, f32)> {
+    let (origin, direction) = view.ray(Vec2::new(x as f32, y as f32) + 0.5);
+    let hit = |o: Vec3, d: Vec3, (n, k): (Vec3, f32)| o + d * ((k - n.dot(o)) / n.dot(d));
+    let first = hit(origin, direction, planes[0]);
+    let (inside, enters) = refract(direction, planes[0].0, 1.0, IOR)?;
+    let second = hit(first, inside, planes[1]);
+    let (out, leaves) = refract(inside, planes[1].0, IOR, 1.0)?;
+    (out.y < -1e-3).then(|| (first, second - out * (second.y / out.y), enters * leaves))
+}
+
+/// Holds every pixel that sees the floor through the two planes against Snell's law; `meets` says whether the
+/// path passes both faces well inside of their borders.
+fn holds_to_snell(builder: SceneBuilder, planes: [(Vec3, f32); 2], inside: impl Fn(Vec3) -> bool) {
+    let bench = Bench::new();
+    let scene = builder.build().unwrap();
+    let mut options = options(160, 120);
+    // Once in, once out: what is reflected inside never leaves within two bounces.
+    options.paths.depth = 2;
+    let (frame, view) = bench.render(&scene, &options);
+    let (mut checked, mut errors) = (0, Vec::new());
+    for (x, y) in (0..120).flat_map(|y| (0..160).map(move |x| (x, y))) {
+        let Some((first, point, passes)) = through(&view, x, y, planes) else { continue };
+        if !inside(first) || point.x.abs() > 3.8 || point.z.abs() > 3.8 {
+            continue;
+        }
+        let color = Vec3::from(frame.image.pixels[(y * 160 + x) as usize]) / passes;
+        errors.push((shown_uv(color) - floor_uv(point)).abs().max_element());
+        checked += 1;
+    }
+    errors.sort_by(f32::total_cmp);
+    assert!(checked > 1500, "{checked} pixels show the floor through the glass");
+    let (median, high) = (errors[checked / 2], errors[checked * 98 / 100]);
+    // Halves resolve 2^-11 near 1; a texel is 1/256.
+    assert!(median < 1e-3 && high < 4e-3, "coordinates are off: median {median}, 98th percentile {high}");
+    bench.finish();
+}
+
+#[test]
+fn a_glass_slab_shifts_the_floor_as_snell_says() {
+    let mut builder = SceneBuilder::new("slab");
+    glowing_floor(&mut builder);
+    let clear = builder.material(clear());
+    builder.mesh("slab", shape::cuboid(vec3(-2.0, 1.0, -2.0), vec3(2.0, 1.5, 2.0), 1.0), clear);
+    builder.camera(Camera::look_at(vec3(0.3, 5.0, 2.0), vec3(0.0, 1.0, 0.0), 0.5));
+    let planes = [(Vec3::Y, 1.5), (Vec3::Y, 1.0)];
+    holds_to_snell(builder, planes, |first| first.x.abs() < 1.5 && first.z.abs() < 1.3);
+}
+
+#[test]
+fn a_prism_turns_the_view_as_snell_says() {
+    let mut builder = SceneBuilder::new("prism");
+    glowing_floor(&mut builder);
+    let clear = builder.material(clear());
+    // A wedge: the cuboid's upper side leans by 10 degrees.
+    let (sin, cos) = 10_f32.to_radians().sin_cos();
+    let mut wedge = shape::cuboid(vec3(-2.0, 1.0, -2.0), vec3(2.0, 1.5, 2.0), 1.0);
+    let leaning = vec3(sin, cos, 0.0);
+    for (position, normal) in wedge.positions.iter_mut().zip(&mut wedge.normals) {
+        if position.y > 1.2 {
+            position.y -= position.x * sin / cos;
+        }
+        if normal.y > 0.5 {
+            *normal = leaning;
+        }
+    }
+    builder.mesh("prism", wedge, clear);
+    builder.camera(Camera::look_at(vec3(0.3, 5.0, 2.0), vec3(0.0, 1.0, 0.0), 0.5));
+    let planes = [(leaning, 1.5 * cos), (Vec3::Y, 1.0)];
+    holds_to_snell(builder, planes, |first| first.x.abs() < 1.4 && first.z.abs() < 1.3);
+}
+
+#[test]
+fn a_planar_mirror_of_the_floor_needs_no_refinement() {
+    let bench = Bench::new();
+    let scene = Demo::Mirror.scene();
+    let mut options = options(320, 256);
+    options.scene.shadows = Shadows::None;
+    options.effort.preview = true;
+    let (frame, _) = bench.render(&scene, &options);
+    let psnr = over_vt(&frame, &options, &traced(&scene, &options, 1, None)).psnr.unwrap();
+    assert_eq!(frame.stats.steps, 0);
+    assert!(psnr > 55.0, "{psnr:.1} dB");
+    bench.finish();
+}
+
+#[test]
+fn dense_meshes_cost_no_more_than_conventional_tracing() {
+    let bench = Bench::new();
+    // Below a pixel a face, a few pixels a face, and in between.
+    for (faces, width, height) in
+        [(200_000, 160, 128), (20_000, 160, 128), (8_000, 200, 160), (3_000, 160, 128)]
+    {
+        let scene = stress::wavy_mirror(faces).unwrap();
+        let mut options = options(width, height);
+        options.scene.shadows = Shadows::Vt;
+        let (frame, _) = bench.render(&scene, &options);
+        let truth = traced(&scene, &options, 1, None);
+        let conventional = traced(&scene, &options, 1, Some(&truth.vt_mask)).rays.total();
+        let error = over_vt(&frame, &options, &truth);
+        let (rays, psnr) = (frame.stats.rays.total, error.psnr.unwrap_or(99.0));
+        println!("{faces} faces, {width}x{height}: {rays} rays, conventional {conventional}, {psnr:.1} dB");
+        assert!(
+            rays as f64 <= 1.2 * conventional as f64,
+            "{faces} faces: {rays} rays, {conventional} would do"
+        );
+        if faces == 200_000 {
+            assert!(psnr > 50.0, "{psnr:.1} dB where every pixel is traced");
+        }
+    }
+    bench.finish();
+}
+
+#[test]
+fn the_error_is_predicted_within_a_factor_of_two() {
+    let bench = Bench::new();
+    for demo in Demo::ALL {
+        let scene = demo.scene();
+        let mut options = options(640, 512);
+        options.scene.shadows = Shadows::None;
+        let truth = traced(&scene, &options, 1, None);
+        for samples in [2_000, 6_000] {
+            options.effort.max_samples = Some(samples);
+            let (frame, _) = bench.render(&scene, &options);
+            let squares =
+                |(a, b): (&[f32; 3], &[f32; 3])| (Vec3::from(*a) - Vec3::from(*b)).length_squared() / 3.0;
+            let pixels = truth.image.iter().zip(&frame.image.pixels).zip(&truth.vt_mask);
+            let sum: f32 = pixels.filter(|(_, vt)| **vt).map(|(pair, _)| squares(pair)).sum();
+            let measured = f64::from(sum / frame.stats.image.vt_pixels as f32).sqrt();
+            let predicted = frame.stats.predicted_rmse.unwrap();
+            println!(
+                "{} {samples}: predicted {predicted:.5}, measured {measured:.5}, {:.2}; shift {:.2}",
+                demo.name(),
+                predicted / measured,
+                frame.stats.predicted_error.unwrap()
+            );
+        }
+    }
+    bench.finish();
+}
+
+#[test]
+fn anti_aliasing_adds_no_ray() {
+    let bench = Bench::new();
+    for (demo, samples) in [(Demo::Cup, 4_000), (Demo::Sphere, 4_000)] {
+        let scene = demo.scene();
+        let mut options = options(320, 256);
+        options.scene.shadows = Shadows::None;
+        options.effort.max_samples = Some(samples);
+        let truth = traced(&scene, &options, 64, None);
+        let plain = traced(&scene, &options, 1, Some(&truth.vt_mask));
+        let rmse = |frame: &Frame| over_vt(frame, &options, &truth).rmse;
+        let one =
+            compare(&image(&options, &truth), &image(&options, &plain), Some(&truth.vt_mask), Encoding::Srgb);
+        let one = one.unwrap().rmse;
+        let (single, _) = bench.render(&scene, &options);
+        let mut smooth = options.clone();
+        smooth.method.ss = Ss::Four;
+        let (shaded, _) = bench.render(&scene, &smooth);
+        smooth.method.ss = Ss::One;
+        smooth.method.msaa = Msaa::Four;
+        let (covered, _) = bench.render(&scene, &smooth);
+        println!(
+            "{}: plain {:.4}, msaa 4 {:.4}, ss 4 {:.4}, tracer at 1 spp {one:.4}",
+            demo.name(),
+            rmse(&single),
+            rmse(&covered),
+            rmse(&shaded)
+        );
+        assert_eq!(single.stats.rays, covered.stats.rays, "--msaa 4 traced rays");
+        assert_eq!(single.stats.rays, shaded.stats.rays, "--ss 4 traced rays");
+        assert!(rmse(&shaded) < rmse(&single) && rmse(&shaded) < one);
+        assert!(rmse(&covered) < rmse(&single));
+    }
+    bench.finish();
+}
