@@ -47,7 +47,6 @@ pub struct Curve {
 pub struct Measured {
     pub name: String,
     pub shadows: Shadows,
-    pub vt_pixels: usize,
     /// Secondary rays of conventional tracing, one sample a specular pixel.
     pub conventional: u64,
     pub paper: Curve,
@@ -107,9 +106,8 @@ impl Lab {
             .chain(others)
             .map(|image| Ok(compare(last, image, Some(&truth.mask), Encoding::Srgb)?.rmse))
             .collect::<Result<_>>()?;
-        let vt_pixels = truth.mask.iter().filter(|&&vt| vt).count();
         println!("{name}, shadows {shadows}: measured");
-        Ok(Measured { name: name.into(), shadows, vt_pixels, conventional, paper, exact, aliasing })
+        Ok(Measured { name: name.into(), shadows, conventional, paper, exact, aliasing })
     }
 
     fn curve(

@@ -328,7 +328,9 @@ fn total_contribution(sample: Sample) -> f32 {
     (primary + nodes).max(f32::MIN_POSITIVE)
 }
 
+/// Mean over the channels of the square, no channel above 1: what lies beyond white is not seen, and a highlight's
+/// peak would draw all samples to itself.
 fn mean_square(color: Vec3) -> f32 {
-    let square = color.length_squared() / 3.0;
-    if square.is_finite() { square } else { f32::MAX }
+    let square = color.min(Vec3::ONE).max(Vec3::NEG_ONE).length_squared() / 3.0;
+    if square.is_finite() { square } else { 1.0 }
 }
