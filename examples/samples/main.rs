@@ -21,6 +21,8 @@ use vertex_tracing::{
 
 /// Demos that stand for a curved mirror, a planar one and glass.
 const DEMOS: [Demo; 5] = [Demo::Cup, Demo::Sphere, Demo::Mirror, Demo::GlassBowl, Demo::CupAndGlass];
+/// Demos whose anti-aliasing is measured.
+const SMOOTHED: [Demo; 2] = [Demo::Cup, Demo::Sphere];
 
 fn main() -> ExitCode {
     match run() {
@@ -39,7 +41,7 @@ fn run() -> Result<()> {
     let lab = Lab::new()?;
     let mut all: Vec<Measured> = Vec::new();
     for demo in DEMOS {
-        all.push(lab.measure(demo.name(), demo.scene(), Shadows::None)?);
+        all.push(lab.measure(demo.name(), demo.scene(), Shadows::None, SMOOTHED.contains(&demo))?);
     }
     for file in &files {
         let path = Path::new(file);
@@ -48,7 +50,7 @@ fn run() -> Result<()> {
             path.parent().and_then(Path::file_name).filter(|_| path.file_stem() == Some("scene".as_ref()));
         let name = parent.or(path.file_stem()).map_or(file.as_str().into(), |name| name.to_string_lossy());
         for shadows in [Shadows::None, Shadows::All] {
-            all.push(lab.measure(&name, gltf::load(path, &gltf::Limits::default())?, shadows)?);
+            all.push(lab.measure(&name, gltf::load(path, &gltf::Limits::default())?, shadows, false)?);
         }
     }
     let page = page::markdown(&all, &lab.device(), &files);

@@ -21,7 +21,7 @@ pub const BUDGETS: [u64; 4] = [4_000, 12_000, 16_000, 47_000];
 /// PSNR, in dB, for which samples are sought.
 pub const TARGETS: [f64; 3] = [30.0, 35.0, 40.0];
 /// Most samples that a target is sought with.
-const MOST: u64 = 400_000;
+const MOST: u64 = 300_000;
 /// Samples a pixel of the tracer that anti-aliasing is held against; the last is the truth.
 pub const SPP: [u32; 5] = [1, 2, 3, 4, 64];
 /// Samples of the anti-aliased picture.
@@ -52,6 +52,7 @@ pub struct Measured {
     pub paper: Curve,
     pub exact: Curve,
     /// RMSE against the last of [`SPP`]: of four shaded samples a pixel, then of the tracer with the others.
+    /// Empty where it was not asked for.
     pub aliasing: Vec<f64>,
 }
 
@@ -75,8 +76,14 @@ impl Lab {
         format!("{} ({})", self.gpu.info().name, self.gpu.info().driver)
     }
 
-    /// Measures `scene` at the default size.
-    pub fn measure(&self, name: &str, mut scene: Scene, shadows: Shadows) -> Result<Measured> {
+    /// Measures `scene` at the default size, its anti-aliasing only if `anti_aliased`: the truth is dear.
+    pub fn measure(
+        &self,
+        name: &str,
+        mut scene: Scene,
+        shadows: Shadows,
+        anti_aliased: bool,
+    ) -> Result<Measured> {
         let mut options = Options::default();
         options.scene.shadows = shadows;
         classify::classify(&mut scene, &options.scene.vt)?;
@@ -93,21 +100,31 @@ impl Lab {
         let paper = self.curve(&scene, &options, &view, Reconstruction::Paper, &truth)?;
         let exact = self.curve(&scene, &options, &view, Reconstruction::Exact, &truth)?;
 
+        let aliasing =
+            if anti_aliased { self.aliasing(&scene, &options, &view, &truth)? } else { Vec::new() };
+        println!("{name}, shadows {shadows}: measured");
+        Ok(Measured { name: name.into(), shadows, conventional, paper, exact, aliasing })
+    }
+
+    fn aliasing(&self, scene: &Scene, options: &Options, view: &View, truth: &Truth) -> Result<Vec<f64>> {
+        let tracer = Tracer::new(scene);
+        let trace = |spp| {
+            let settings = Settings::new(&options.paths, &options.scene);
+            let only = Some(truth.mask.as_slice());
+            let traced =
+                reference::render(&tracer, view, &settings, spp, only, &AtomicBool::new(false), &|_| {});
+            Ok(FloatImage { width: view.width, height: view.height, pixels: traced?.image })
+        };
         let mut smooth = options.clone();
         smooth.method.ss = Ss::Four;
         smooth.effort.max_samples = Some(AA_SAMPLES);
-        let smooth = Renderer::new(&self.gpu, &scene, &smooth)?.render(&view)?.image;
-        let by_spp = SPP
-            .into_iter()
-            .map(|spp| Ok(image(trace(spp, Some(&truth.mask))?.image)))
-            .collect::<Result<Vec<_>>>()?;
+        let smooth = Renderer::new(&self.gpu, scene, &smooth)?.render(view)?.image;
+        let by_spp = SPP.into_iter().map(trace).collect::<Result<Vec<_>>>()?;
         let (last, others) = by_spp.split_last().expect("there is a truth");
-        let aliasing = std::iter::once(&smooth)
+        std::iter::once(&smooth)
             .chain(others)
             .map(|image| Ok(compare(last, image, Some(&truth.mask), Encoding::Srgb)?.rmse))
-            .collect::<Result<_>>()?;
-        println!("{name}, shadows {shadows}: measured");
-        Ok(Measured { name: name.into(), shadows, conventional, paper, exact, aliasing })
+            .collect()
     }
 
     fn curve(

@@ -53,7 +53,7 @@ pub fn markdown(all: &[Measured], device: &str, files: &[String]) -> String {
         let _ = write!(page, " {spp} spp |");
     }
     page += " matched |\n|---|---|---|---|---|---|---|---|\n";
-    for scene in all {
+    for scene in all.iter().filter(|scene| !scene.aliasing.is_empty()) {
         let _ = write!(page, "| {} | {} ", scene.name, scene.shadows);
         for rmse in &scene.aliasing {
             let _ = write!(page, "| {rmse:.4} ");

@@ -35,7 +35,7 @@ const BATCH_MIN: usize = 64;
 const BATCH_MAX: usize = 4096;
 
 /// Exploration: squared error assumed of a face of [`EXPLORE_PIXELS`] or more that nothing is known of. It fades
-/// with the cube of the pixels: what hides between samples is likely to be no larger than their distance.
+/// with the square of the pixels: what hides between samples is likely to be no larger than their distance.
 const EXPLORE: f32 = 0.01;
 const EXPLORE_PIXELS: f32 = 3000.0;
 
@@ -165,7 +165,7 @@ impl<'a> Refiner<'a> {
         self.state.resize(self.mesh.faces.len(), State::default());
         for (&face, state) in faces.iter().zip(states) {
             self.state[face as usize] = state;
-            let explored = EXPLORE * (state.pixels / EXPLORE_PIXELS).min(1.0).powi(3);
+            let explored = EXPLORE * (state.pixels / EXPLORE_PIXELS).min(1.0).powi(2);
             let color = state.deviation.color + explored;
             if state.pixels > 0.0 && color > NEGLIGIBLE {
                 self.queue.push(Entry { priority: color * state.pixels, face });
