@@ -34,9 +34,11 @@ const BATCH_SHARE: usize = 8;
 const BATCH_MIN: usize = 64;
 const BATCH_MAX: usize = 4096;
 
-/// Exploration: squared error assumed of a face of [`EXPLORE_PIXELS`] or more that nothing is known of. It fades
-/// with the square of the pixels: what hides between samples is likely to be no larger than their distance.
+/// Exploration: squared error assumed of a face that nothing is known of. It fades by level, and for large faces
+/// with the square of the pixels, below [`EXPLORE_PIXELS`]: what hides between samples is likely to be no
+/// larger than their distance.
 const EXPLORE: f32 = 0.01;
+const EXPLORE_FADE: f32 = 0.1;
 const EXPLORE_PIXELS: f32 = 3000.0;
 
 /// Share of a bisected face's error that each half inherits.
@@ -165,7 +167,9 @@ impl<'a> Refiner<'a> {
         self.state.resize(self.mesh.faces.len(), State::default());
         for (&face, state) in faces.iter().zip(states) {
             self.state[face as usize] = state;
-            let explored = EXPLORE * (state.pixels / EXPLORE_PIXELS).min(1.0).powi(2);
+            let level = i32::from(self.mesh.faces[face as usize].level);
+            let large = (state.pixels / EXPLORE_PIXELS).min(1.0).powi(2);
+            let explored = EXPLORE * large.max(EXPLORE_FADE.powi(level));
             let color = state.deviation.color + explored;
             if state.pixels > 0.0 && color > NEGLIGIBLE {
                 self.queue.push(Entry { priority: color * state.pixels, face });
