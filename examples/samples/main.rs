@@ -20,7 +20,7 @@ use vertex_tracing::{
 };
 
 /// Demos that stand for a curved mirror, a planar one and glass.
-const DEMOS: [Demo; 5] = [Demo::Cup, Demo::Sphere, Demo::Mirror, Demo::GlassBowl, Demo::CupAndGlass];
+const DEMOS: [Demo; 4] = [Demo::Cup, Demo::Sphere, Demo::Mirror, Demo::GlassBowl];
 /// Demos whose anti-aliasing is measured.
 const SMOOTHED: [Demo; 2] = [Demo::Cup, Demo::Sphere];
 

@@ -304,7 +304,8 @@ impl<'a> Refiner<'a> {
 
     fn corner(&self, vertex: u32) -> Corner<'_> {
         let distance = self.context.view.distance_to(self.mesh.position(vertex));
-        Corner { sample: self.samples.get(vertex), distance }
+        let normal = self.mesh.vertices[vertex as usize].normal;
+        Corner { sample: self.samples.get(vertex), distance, normal }
     }
 
     fn trace_pixels_of(&mut self, face: u32) {

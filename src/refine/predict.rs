@@ -51,6 +51,8 @@ pub struct Corner<'a> {
     pub sample: Sample<'a>,
     /// Its distance from the eye along the view ray: e of design §5.
     pub distance: f32,
+    /// Its shading normal, any length.
+    pub normal: Vec3,
 }
 
 /// Predicts errors for one scene, view and reconstruction.
@@ -155,16 +157,15 @@ impl Predictor<'_> {
         (color, uv_shift(uv, node.uv, [a.uv, b.uv]))
     }
 
-    /// The end whose planar target is drawn between two differing ends, if that is the target of `node`. After
-    /// one bounce every fragment follows its own ray; deeper, the nearest of both is what the mean ray meets.
+    /// The end whose planar target the mean ray of two differing ends meets first, if that is the target of
+    /// `node`. After one bounce every fragment follows its own ray, and another answer is no error there; but it
+    /// says that the border is curved, and that part of it may hide in faces beside it whose corners all see one
+    /// target.
     fn drawn_candidate<'n>(&self, node: &Node, ends: [&'n Node; 2], distances: [f32; 2]) -> Option<&'n Node> {
         if !self.are_candidates(ends.into_iter()) {
             return None;
         }
-        let drawn = match node.bounces {
-            1 => ends.into_iter().find(|end| end.target == node.target),
-            _ => self.nearest_candidate(&ends, mean_ray(ends, distances)),
-        };
+        let drawn = self.nearest_candidate(&ends, mean_ray(ends, distances));
         drawn.filter(|end| end.target == node.target)
     }
 
@@ -245,7 +246,9 @@ impl Predictor<'_> {
             if self.reconstruction == Reconstruction::Paper || !self.are_candidates(nodes.into_iter()) {
                 return Some(whole());
             }
-            loss = self.uncovered(nodes, self.eye_distances(corners, nodes)) * whole() / UNMATCHED;
+            // Where the surface is curved, the border bulges into faces beside it whose corners see one target.
+            let missed = self.uncovered(nodes, self.eye_distances(corners, nodes)) / UNMATCHED;
+            loss = (missed + curvature(corners)) * whole();
         }
         for (one, other) in [(a, b), (b, c), (c, a)] {
             if one.target == other.target && one.lit != other.lit {
@@ -305,6 +308,12 @@ fn uv_shift(predicted: Vec2, traced: Vec2, ends: [Vec2; 2]) -> f32 {
 
 fn throughput_added(ends: [&Node; 2]) -> Vec3 {
     (ends[0].throughput * ends[0].local.added + ends[1].throughput * ends[1].local.added) * 0.5
+}
+
+/// Largest angle between the normals of two corners in radians, about, at most 1.
+fn curvature(corners: [Corner; 3]) -> f32 {
+    let [a, b, c] = corners.map(|corner| corner.normal.normalize_or_zero());
+    (a - b).length().max((b - c).length()).max((c - a).length()).min(1.0)
 }
 
 /// Radiance that a node would show with the mean texel.
