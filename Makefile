@@ -41,6 +41,7 @@ test: export VK_LOADER_DRIVERS_SELECT := $(DRIVER)
 test: setup-tests
 	cargo fmt --all --check
 	cargo clippy --all-targets --locked -- -D warnings
+	cargo clippy --all-targets --locked --no-default-features -- -D warnings
 	cargo test --locked
 	RUSTDOCFLAGS='-D warnings' cargo doc --locked --no-deps
 

@@ -153,9 +153,10 @@ vec3 node_radiance(inout uint at, Branches branches, out uint branch) {
 
     vec3 texel;
     vec3 bounced = branch == 0u ? branches.reflected : branches.refracted;
+    if (HAS_PANORAMA && kind == NODE_FIRST_ENVIRONMENT) return environment_radiance(bounced);
+    if (HAS_PANORAMA && kind == NODE_ENVIRONMENT) return shade.rgb * environment_radiance(normalize(bundle.xyz));
+    if (!HAS_PATCHES) return vec3(0.0);
     if (kind == NODE_FIRST_PLANES) return candidates_radiance(head, Ray(position, bounced), texel);
-    if (kind == NODE_FIRST_ENVIRONMENT) return environment_radiance(bounced);
-    if (kind == NODE_ENVIRONMENT) return shade.rgb * environment_radiance(normalize(bundle.xyz));
     return shade.rgb * candidates_radiance(head, Ray(bundle.xyz / shade.w, rest.xyz / shade.w), texel);
 }
 
@@ -173,7 +174,7 @@ void main() {
     if (HAS_EMISSION_TEXTURES)
         emission_texel = bank_texel(references.y, slot_uv.zw, dFdx(slot_uv.zw), dFdy(slot_uv.zw)).rgb;
     Material m = material_from(own, color, base_texel, emission_texel);
-    if (HAS_DETAIL_TEXTURES) {
+    if ((FEATURES & FEATURE_DETAIL_TEXTURES) != 0u) {
         Coordinates at;
         at.uv[0] = uv.xy;
         at.uv[1] = uv.zw;
@@ -181,11 +182,11 @@ void main() {
         at.dx[1] = dFdx(uv.zw);
         at.dy[0] = dFdy(uv.xy);
         at.dy[1] = dFdy(uv.zw);
-        n = mapped_normal(header.x, n, tangent, at);
+        if (HAS_NORMAL_TEXTURES) n = mapped_normal(header.x, n, tangent, at);
         apply_detail_textures(m, header.x, at);
     }
     if (!outside) { ng = -ng; n = -n; }
-    if ((m.flags & MATERIAL_MASK) != 0u && m.alpha < own[3].z) discard;
+    if (HAS_ALPHA_TEST && (m.flags & MATERIAL_MASK) != 0u && m.alpha < own[3].z) discard;
 
     vec3 sum = vec3(0.0);
     if ((COMPONENTS & COMPONENT_PRIMARY) != 0u) sum += local_radiance(m, position, n, d, header.y, weights);
@@ -225,7 +226,7 @@ void main() {
             if (traced.w > 0.0) sum = (COMPONENTS & COMPONENT_PRIMARY) != 0u ? traced.rgb : vec3(0.0);
         }
     }
-    float alpha = (m.flags & MATERIAL_BLEND) != 0u ? clamp(m.alpha, 0.0, 1.0) : 1.0;
+    float alpha = HAS_BLENDING && (m.flags & MATERIAL_BLEND) != 0u ? clamp(m.alpha, 0.0, 1.0) : 1.0;
     if (CODED) alpha = unpackHalf2x16(header.z).x;
     radiance = vec4(clamp(sum, vec3(-MAX_RADIANCE), vec3(MAX_RADIANCE)), alpha);
 }

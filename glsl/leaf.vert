@@ -5,6 +5,7 @@
 // several times more on software devices.
 #extension GL_EXT_scalar_block_layout : require
 #extension GL_GOOGLE_include_directive : require
+#include "features.glsl"
 #include "frame.glsl"
 #include "leaf.glsl"
 #include "material_constants.glsl"
@@ -46,8 +47,9 @@ void main() {
     uv = vec4(vertex.uv[0], vertex.uv[1]);
     slot_uv = vec4(slot_coordinates(leaf.material, 0u, uv), slot_coordinates(leaf.material, 1u, uv));
     weights = vec3(corner == 0u, corner == 1u, corner == 2u);
-    color = vec4(unpackHalf2x16(vertex.color[0]), unpackHalf2x16(vertex.color[1]));
-    tangent = vec4(unpackHalf2x16(vertex.tangent[0]), unpackHalf2x16(vertex.tangent[1]));
+    color = HAS_VERTEX_COLORS ? vec4(unpackHalf2x16(vertex.color[0]), unpackHalf2x16(vertex.color[1])) : vec4(1.0);
+    tangent = vec4(0.0);
+    if (HAS_NORMAL_TEXTURES) tangent = vec4(unpackHalf2x16(vertex.tangent[0]), unpackHalf2x16(vertex.tangent[1]));
     // What is Gouraud-shaded of reflection and transmission, before α: a texel a corner and branch.
     uint rest = leaf.nodes;
     comb_reflected = vec3(0.0);

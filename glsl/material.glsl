@@ -3,14 +3,10 @@
 #define MATERIAL_GLSL
 
 #include "bank.glsl"
+#include "features.glsl"
 #include "frame.glsl"
 #include "material_constants.glsl"
 
-// Whether any material has a texture other than base colour and emission, or a normal map.
-layout(constant_id = 1) const bool HAS_DETAIL_TEXTURES = true;
-// Whether any material has a texture on its emission, or any at all on its base colour.
-layout(constant_id = 7) const bool HAS_EMISSION_TEXTURES = true;
-layout(constant_id = 8) const bool HAS_BASE_TEXTURES = true;
 
 struct Material {
     vec3 base;          // factor × vertex colour, without the texture
@@ -47,12 +43,12 @@ vec4 slot_texel(Slot slot) { return bank_texel(slot.reference, slot.uv, slot.dx,
 
 // A material from constants that were read before, with the texels of base colour and emission.
 Material material_from(vec4 constants[4], vec4 color, vec4 base_texel, vec3 emission_texel) {
-    vec4 base = constants[0] * color;
+    vec4 base = HAS_VERTEX_COLORS ? constants[0] * color : constants[0];
     Material m;
     m.base = base.rgb;
     m.base_texel = base_texel.rgb;
     m.alpha = base.a * base_texel.a;
-    m.emission = constants[1].rgb * emission_texel;
+    m.emission = HAS_EMISSION ? constants[1].rgb * emission_texel : vec3(0.0);
     m.ior = constants[1].w;
     m.specular = constants[2].rgb;
     m.roughness = constants[2].w;
@@ -64,14 +60,16 @@ Material material_from(vec4 constants[4], vec4 color, vec4 base_texel, vec3 emis
 
 // Factors that textures other than base colour and emission put on a material.
 void apply_detail_textures(inout Material m, uint material, Coordinates at) {
-    uint metallic_roughness_reference = scene_words(material + 4u).z;
     uvec4 second = scene_words(material + 5u);
-    vec4 metallic_roughness = slot_texel(material_slot(material, 2u, metallic_roughness_reference, at));
-    m.metallic *= metallic_roughness.b;
-    m.roughness *= metallic_roughness.g;
-    m.specular *= slot_texel(material_slot(material, 4u, second.x, at)).a
-        * slot_texel(material_slot(material, 5u, second.y, at)).rgb;
-    m.transmission *= slot_texel(material_slot(material, 6u, second.z, at)).r;
+    if (HAS_METALLIC_ROUGHNESS_TEXTURES) {
+        uint reference = scene_words(material + 4u).z;
+        vec4 metallic_roughness = slot_texel(material_slot(material, 2u, reference, at));
+        m.metallic *= metallic_roughness.b;
+        m.roughness *= metallic_roughness.g;
+    }
+    if (HAS_SPECULAR_TEXTURES) m.specular *= slot_texel(material_slot(material, 4u, second.x, at)).a;
+    if (HAS_SPECULAR_COLOR_TEXTURES) m.specular *= slot_texel(material_slot(material, 5u, second.y, at)).rgb;
+    if (HAS_TRANSMISSION_TEXTURES) m.transmission *= slot_texel(material_slot(material, 6u, second.z, at)).r;
 }
 
 // The shading normal bent by a normal map; unchanged without one.

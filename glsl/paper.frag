@@ -5,6 +5,7 @@
 // The textures bound for a draw: the leaves' primary one, then that of the reflected and the transmitted branch,
 // each with its own sampler.
 #include "bank.glsl"
+#include "features.glsl"
 
 // LEAVES_PLAIN: no specular part.
 layout(constant_id = 2) const uint LEAVES = LEAVES_NODES;
@@ -24,8 +25,9 @@ layout(location = 10) flat in uvec3 textures;
 layout(location = 0) out vec4 radiance;
 
 void main() {
-    vec4 texel = bound_texel(own_texture, textures.x, base.xy, dFdx(base.xy), dFdy(base.xy));
-    if (base.z * texel.a < base.w) discard;
+    vec4 texel = vec4(1.0);
+    if (HAS_BASE_TEXTURES) texel = bound_texel(own_texture, textures.x, base.xy, dFdx(base.xy), dFdy(base.xy));
+    if (HAS_ALPHA_TEST && base.z * texel.a < base.w) discard;
 
     vec3 sum = vec3(0.0);
     if ((COMPONENTS & COMPONENT_PRIMARY) != 0u) sum += primary_textured * texel.rgb + primary_added;
@@ -37,7 +39,7 @@ void main() {
             bool has_comb = (COMPONENTS & (COMPONENT_REFLECTED_COMB << b)) != 0u;
             if (!has_textured && !has_comb) continue;
             vec3 branch_texel = vec3(1.0);
-            if (has_textured || EQUATION_FOUR) {
+            if (HAS_BASE_TEXTURES && (has_textured || EQUATION_FOUR)) {
                 branch_texel = b == 0u
                     ? bound_texel(first_texture, textures.y, branch_uv.xy, dx[0], dy[0]).rgb
                     : bound_texel(node_texture, textures.z, branch_uv.zw, dx[1], dy[1]).rgb;

@@ -5,9 +5,8 @@
 #include "frame.glsl"
 #include "material.glsl"
 
-// Lights of the scene, and whether any surface has highlights or spot lights: loops unroll, branches go.
+// Lights of the scene: loops unroll.
 layout(constant_id = 5) const uint LIGHTS = MAX_LIGHTS;
-layout(constant_id = 6) const bool HAS_HIGHLIGHTS = true;
 
 const float PI = 3.14159265358979;
 
@@ -103,7 +102,7 @@ Branches branches_at(Material m, vec3 n, vec3 ng, vec3 d, bool outside) {
     b.reflected = lifted_reflection(d, n, ng);
     b.refracted = d;
     b.attenuation[1] = vec3(0.0);
-    if (glass > 0.0) {
+    if (HAS_TRANSMISSION && glass > 0.0) {
         bool solid = (m.flags & MATERIAL_SOLID) != 0u;
         float eta = solid && !outside ? m.ior : 1.0 / m.ior;
         vec3 bent;

@@ -66,6 +66,41 @@ shared_constants! {
     MATERIAL_SCHLICK: u32 = 16;
     /// Objects of the material are specular VT objects.
     MATERIAL_SPECULAR: u32 = 32;
+    /// Some material in use has a base colour texture. This and the next six stand in the order of a
+    /// material's slots.
+    FEATURE_BASE_TEXTURE: u32 = 1;
+    /// Some material in use has a texture on its emission.
+    FEATURE_EMISSION_TEXTURE: u32 = 2;
+    /// Some material in use has a texture on metalness and roughness.
+    FEATURE_METALLIC_ROUGHNESS_TEXTURE: u32 = 4;
+    /// Some material in use has a normal map.
+    FEATURE_NORMAL_TEXTURE: u32 = 8;
+    /// Some material in use has a texture on the strength of its highlight.
+    FEATURE_SPECULAR_TEXTURE: u32 = 16;
+    /// Some material in use has a texture on the colour of its highlight.
+    FEATURE_SPECULAR_COLOR_TEXTURE: u32 = 32;
+    /// Some material in use has a texture on its transmission.
+    FEATURE_TRANSMISSION_TEXTURE: u32 = 64;
+    /// The last five of them: any but base colour and emission.
+    FEATURE_DETAIL_TEXTURES: u32 = 0x7c;
+    /// Some material in use emits.
+    FEATURE_EMISSION: u32 = 0x80;
+    /// Some material in use shows highlights of lights.
+    FEATURE_HIGHLIGHTS: u32 = 0x100;
+    /// The scene has vertex colours.
+    FEATURE_VERTEX_COLORS: u32 = 0x200;
+    /// Some material in use is cut out by alpha.
+    FEATURE_ALPHA_TEST: u32 = 0x400;
+    /// Some material in use covers by alpha.
+    FEATURE_BLENDING: u32 = 0x800;
+    /// Some specular object transmits.
+    FEATURE_TRANSMISSION: u32 = 0x1000;
+    /// Specular paths can end on planar patches.
+    FEATURE_PATCHES: u32 = 0x2000;
+    /// A panorama surrounds the scene.
+    FEATURE_PANORAMA: u32 = 0x4000;
+    /// All of the above.
+    FEATURE_EVERYTHING: u32 = 0x7fff;
     /// Texel of a target at which its outline begins.
     TARGET_OUTLINE: u32 = 6;
     /// Texels of a target.

@@ -11,7 +11,7 @@ use crate::error::{Error, Result};
 use crate::gpu::{Gpu, Uploads};
 use crate::options::{EffortOptions, Msaa, Options, Reconstruction, VisibilityWay};
 use crate::plan::Plan;
-use crate::reconstruct::bank::Bank;
+use crate::reconstruct::bank::{self, Bank};
 use crate::reconstruct::base;
 use crate::reconstruct::drawn::Drawn;
 use crate::reconstruct::frame_block::FrameBlock;
@@ -29,7 +29,6 @@ use crate::refine::reserve::Reserve;
 use crate::refine::{Refiner, StoppedBy, pixels};
 use crate::report::image::FloatImage;
 use crate::report::stats::{self, Stats};
-use crate::scene::patch::Targets;
 use crate::scene::structure::Structure;
 use crate::scene::topology::Topology;
 use crate::scene::{Scene, View};
@@ -37,13 +36,9 @@ use crate::trace::sample::Context;
 use crate::trace::{Rays, Settings, Tracer};
 use crate::visibility::{self, Adjacency, Class, Finder, Found};
 
-/// Bytes of the staging buffer that textures are uploaded through.
-const TEXTURE_STAGING: u64 = 32 << 20;
-
 /// What tracing needs of a scene, whatever the view: absent if nothing is traced.
 struct Traced<'s> {
     tracer: Tracer<'s>,
-    topology: Topology,
     structures: Vec<Structure>,
     adjacency: Adjacency,
     classes: Vec<Class>,
@@ -58,7 +53,6 @@ pub struct Renderer<'s> {
     traced: Option<Traced<'s>>,
     /// Finds what is visible, if anything is traced.
     finder: Option<Finder<'s>>,
-    targets: Targets,
     table: SceneTable,
     base_textures: Vec<u32>,
     painter: Painter,
@@ -102,10 +96,8 @@ impl<'s> Renderer<'s> {
     /// # Errors
     /// More faces or texels than the device can hold; no device memory left.
     pub fn new(gpu: &Arc<Gpu>, scene: &'s Scene, options: &Options) -> Result<Self> {
-        let plan = Plan::new(scene, options);
         let started = Instant::now();
-        let topology = Topology::new(&scene.geometry);
-        let targets = Targets::new(scene, &topology);
+        let plan = Plan::new(scene, options);
         let mut bvh_ms = 0.0;
         let traced = if plan.traces() {
             let tracer = Tracer::new(scene);
@@ -113,9 +105,8 @@ impl<'s> Renderer<'s> {
             let classes = visibility::classes(scene, plan.receivers);
             Some(Traced {
                 tracer,
-                adjacency: Adjacency::new(scene, &topology),
-                topology,
-                structures: Structure::all(scene),
+                adjacency: Adjacency::new(scene, &plan.topology),
+                structures: if plan.specular { Structure::all(scene) } else { Vec::new() },
                 classes,
             })
         } else {
@@ -125,9 +116,10 @@ impl<'s> Renderer<'s> {
             .as_ref()
             .map(|traced| Finder::new(gpu, scene, &traced.classes, options.method.visibility))
             .transpose()?;
-        let mut uploads = Uploads::new(gpu, "texture uploads", TEXTURE_STAGING)?;
+        let texels = plan.textures.bytes(scene, options.method.filter) + bank::panorama_bytes(scene);
+        let mut uploads = Uploads::new(gpu, "texture uploads", bank::staging_bytes(texels))?;
         let bank = Bank::new(&mut uploads, scene, &plan.textures, options.method.filter)?;
-        let table = SceneTable::new(scene, &targets, &bank, options.scene.fresnel);
+        let table = SceneTable::new(scene, &plan.targets, &bank, options.scene.fresnel);
         let base_textures: Vec<u32> =
             scene.materials.iter().map(|m| bank.reference(m.base_color_texture)).collect();
         let single_pass = traced.is_some() && options.method.visibility == VisibilityWay::SinglePass;
@@ -139,14 +131,12 @@ impl<'s> Renderer<'s> {
             single_pass,
             equation: options.method.equation,
             samples: if options.method.msaa == Msaa::Four { 4 } else { 1 },
-            detail_textures: plan.detail_textures,
+            features: plan.features,
+            leaves: plan.traces(),
             lights: (scene.lights.len() as u32).min(MAX_LIGHTS),
-            highlights: plan.highlights,
-            emission_textures: plan.emission_textures,
-            base_textures: plan.base_textures,
         };
         let painter = Painter::new(gpu, pass_options, bank, &table, &base)?;
-        let settings = Settings::new(&options.paths, &options.scene);
+        let settings = Settings { depth: plan.depth, ..Settings::new(&options.paths, &options.scene) };
         Ok(Self {
             gpu: gpu.clone(),
             scene,
@@ -154,7 +144,6 @@ impl<'s> Renderer<'s> {
             plan,
             traced,
             finder,
-            targets,
             table,
             base_textures,
             painter,
@@ -234,7 +223,7 @@ impl<'s> Renderer<'s> {
             (Some(traced), Some(finder)) => {
                 let matcher = Matcher {
                     scene: self.scene,
-                    targets: &self.targets,
+                    targets: &self.plan.targets,
                     table: &self.table,
                     base_textures: &self.base_textures,
                     room: self.options.method.nodes as usize,
@@ -255,6 +244,7 @@ impl<'s> Renderer<'s> {
                         })
                     };
                 let job = Job {
+                    topology: &plan.topology,
                     matcher: &matcher,
                     settings: &self.settings,
                     options: &self.options,
@@ -324,6 +314,7 @@ impl<'s> Renderer<'s> {
 
 /// What sampling a frame needs besides what is traced.
 struct Job<'a> {
+    topology: &'a Topology,
     matcher: &'a Matcher<'a>,
     settings: &'a Settings,
     options: &'a Options,
@@ -357,9 +348,9 @@ impl Job<'_> {
         stats: &mut Stats,
         mut after_step: Option<LeafObserver>,
     ) -> Result<Sampled> {
-        let Self { matcher, settings, options, view, .. } = *self;
+        let Self { matcher, topology, settings, options, view, .. } = *self;
         let scene = matcher.scene;
-        let Traced { tracer, topology, structures, adjacency, classes } = traced;
+        let Traced { tracer, structures, adjacency, classes } = traced;
         let targets = matcher.targets;
         stats.time_ms.visibility = visible.times.visibility;
         stats.time_ms.readback = visible.times.readback;

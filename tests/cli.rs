@@ -112,6 +112,35 @@ fn help_and_version_are_results() {
 }
 
 #[test]
+fn a_plan_needs_no_device() {
+    let place = Place::new();
+    // A driver that does not exist: any attempt to open a device fails.
+    let plan = |arguments: &[&str]| {
+        let mut command = vtrace();
+        command.current_dir(place.0.path()).env("VK_DRIVER_FILES", "/absent.json");
+        let output = command.args(["plan", "scene.glb"]).args(arguments).output().unwrap();
+        assert_eq!(output.status.code(), Some(0), "{}", text(&output.stderr));
+        output.stdout
+    };
+    let words = plan(&["--mode", "multi-pass"]);
+    for expected in
+        ["scene uses", "no specular object transmits", "--everything", "and 2 of 5 passes: transmitted"]
+    {
+        assert!(text(&words).contains(expected), "{expected}: {}", text(&words));
+    }
+    let json: serde_json::Value = serde_json::from_slice(&plan(&["--json"])).unwrap();
+    let bytes = |plan: &str| json[plan]["bytes"].as_u64().unwrap();
+    assert_eq!(json["saved"]["bytes"], bytes("everything") - bytes("planned"));
+    assert!(
+        json["left_out"]
+            .as_array()
+            .unwrap()
+            .iter()
+            .all(|part| part["what"].is_string() && part["why"].is_string())
+    );
+}
+
+#[test]
 fn bad_input_exits_1_with_one_line_and_leaves_no_file() {
     let place = Place::new();
     let before = place.names();

@@ -1,11 +1,12 @@
 //! Whole frames on the device against closed forms, against the reference tracer, and against a golden image.
 
-use std::{path::Path, sync::Arc};
+mod common;
+
+use std::path::Path;
 
 use glam::{Vec2, Vec3, Vec4, vec3};
 use vertex_tracing::{
     frame::{Frame, Renderer},
-    gpu::{self, Gpu, Messages},
     options::{Options, Shadows},
     report::{
         FloatImage,
@@ -19,32 +20,14 @@ use vertex_tracing::{
     trace::{Settings, Tracer, reference},
 };
 
-/// A device under validation whose messages are checked at the end.
-struct Bench {
-    gpu: Arc<Gpu>,
-    messages: Arc<Messages>,
-}
+use common::TestGpu;
 
-impl Bench {
-    fn new() -> Self {
-        let options = gpu::Options { validation: true, ..gpu::Options::default() };
-        let gpu =
-            Gpu::new(&options).unwrap_or_else(|error| panic!("the tests need a Vulkan device: {error}"));
-        Self { messages: gpu.messages(), gpu }
-    }
-
-    fn render(&self, scene: &Scene, options: &Options) -> (Frame, View) {
-        let view = options.view.resolve(scene).unwrap();
-        let mut renderer = Renderer::new(&self.gpu, scene, options).unwrap();
-        renderer.warm_up(&view).unwrap();
-        (renderer.render(&view).unwrap(), view)
-    }
-
-    fn finish(self) {
-        assert_eq!(Arc::strong_count(&self.gpu), 1, "something still holds the device");
-        drop(self.gpu);
-        assert_eq!(self.messages.errors(), Vec::<String>::new());
-    }
+/// A frame by a renderer that was warmed up, and its view.
+fn rendered(gpu: &TestGpu, scene: &Scene, options: &Options) -> (Frame, View) {
+    let view = options.view.resolve(scene).unwrap();
+    let mut renderer = Renderer::new(gpu, scene, options).unwrap();
+    renderer.warm_up(&view).unwrap();
+    (renderer.render(&view).unwrap(), view)
 }
 
 fn options(width: u32, height: u32) -> Options {
@@ -102,7 +85,7 @@ fn shown_uv(pixel: [f32; 3], factor: f32) -> Vec2 {
 
 #[test]
 fn lit_plane() {
-    let bench = Bench::new();
+    let gpu = TestGpu::open();
     let mut builder = SceneBuilder::new("lit plane");
     let grey = builder.material(Material {
         base_color: Vec4::new(0.5, 0.4, 0.3, 1.0),
@@ -117,7 +100,7 @@ fn lit_plane() {
     for shadows in [Shadows::All, Shadows::None] {
         let mut options = options(64, 48);
         options.scene.shadows = shadows;
-        let (frame, view) = bench.render(&scene, &options);
+        let (frame, view) = rendered(&gpu, &scene, &options);
         for (x, y) in [(32, 24), (5, 40), (60, 10), (20, 30)] {
             let (origin, direction) = view.ray(Vec2::new(x as f32, y as f32) + 0.5);
             let t = -origin.y / direction.y;
@@ -136,12 +119,12 @@ fn lit_plane() {
             );
         }
     }
-    bench.finish();
+    gpu.finish();
 }
 
 #[test]
 fn planar_mirror_shows_exact_coordinates() {
-    let bench = Bench::new();
+    let gpu = TestGpu::open();
     let mut builder = glowing_floor("mirror");
     let metal = builder.material(mirror("metal"));
     // Upright, facing +z, in two faces.
@@ -150,7 +133,7 @@ fn planar_mirror_shows_exact_coordinates() {
     let scene = builder.build().unwrap();
     let mut options = options(160, 120);
     options.effort.preview = true;
-    let (frame, view) = bench.render(&scene, &options);
+    let (frame, view) = rendered(&gpu, &scene, &options);
     let (mut checked, mut worst) = (0, 0.0_f32);
     for y in 0..120 {
         for x in 0..160 {
@@ -176,12 +159,12 @@ fn planar_mirror_shows_exact_coordinates() {
     // Halves resolve 2^-11 near 1; a texel is 1/256.
     assert!(worst < 2.5e-3, "coordinates are off by up to {worst}");
     assert_eq!(frame.stats.steps, 0, "nothing was refined");
-    bench.finish();
+    gpu.finish();
 }
 
 #[test]
 fn two_facing_mirrors_show_exact_coordinates() {
-    let bench = Bench::new();
+    let gpu = TestGpu::open();
     let mut builder = glowing_floor("facing mirrors");
     let metal = builder.material(mirror("metal"));
     builder.mesh("back", shape::plane(vec3(-3.0, 0.0, -1.0), Vec3::X * 6.0, Vec3::Y * 4.0, 6.0), metal);
@@ -190,7 +173,7 @@ fn two_facing_mirrors_show_exact_coordinates() {
     let scene = builder.build().unwrap();
     let mut options = options(160, 120);
     options.effort.max_samples = Some(3000);
-    let (frame, view) = bench.render(&scene, &options);
+    let (frame, view) = rendered(&gpu, &scene, &options);
     let tracer = Tracer::new(&scene);
     let exact = reference::render(
         &tracer,
@@ -208,12 +191,12 @@ fn two_facing_mirrors_show_exact_coordinates() {
     let median = differences[differences.len() / 2];
     let high = differences[differences.len() * 98 / 100];
     assert!(median < 1e-3 && high < 1e-2, "median {median}, 98th percentile {high}");
-    bench.finish();
+    gpu.finish();
 }
 
 #[test]
 fn demos_stand_near_the_reference() {
-    let bench = Bench::new();
+    let gpu = TestGpu::open();
     for (demo, least) in [
         (Demo::Cup, 50.0),
         (Demo::Mirror, 38.5),
@@ -225,7 +208,7 @@ fn demos_stand_near_the_reference() {
     ] {
         let scene = demo.scene();
         let options = options(320, 256);
-        let (frame, view) = bench.render(&scene, &options);
+        let (frame, view) = rendered(&gpu, &scene, &options);
         let tracer = Tracer::new(&scene);
         let settings = Settings::new(&options.paths, &options.scene);
         let traced =
@@ -235,22 +218,22 @@ fn demos_stand_near_the_reference() {
         println!("{}: {psnr:.2} dB, {} samples", demo.name(), frame.stats.samples);
         assert!(psnr >= least, "{}: {psnr:.2} dB, {least} wanted", demo.name());
     }
-    bench.finish();
+    gpu.finish();
 }
 
 #[test]
 fn a_frame_repeats_bit_for_bit() {
-    let bench = Bench::new();
+    let gpu = TestGpu::open();
     let scene = Demo::Cup.scene();
     let options = options(160, 128);
     let view = options.view.resolve(&scene).unwrap();
-    let mut renderer = Renderer::new(&bench.gpu, &scene, &options).unwrap();
+    let mut renderer = Renderer::new(&gpu, &scene, &options).unwrap();
     let first = renderer.render(&view).unwrap();
     let second = renderer.render(&view).unwrap();
     assert_eq!(first.image, second.image);
     assert_eq!(first.stats.samples, second.stats.samples);
     drop(renderer);
-    bench.finish();
+    gpu.finish();
 }
 
 /// Least PSNR against the golden image: another shader compiler rounds differently, nothing else may differ.
@@ -258,11 +241,11 @@ const GOLDEN_PSNR: f64 = 45.0;
 
 #[test]
 fn golden_cup() {
-    let bench = Bench::new();
+    let gpu = TestGpu::open();
     let scene = Demo::Cup.scene();
     let mut options = options(96, 72);
     options.effort.max_samples = Some(3000);
-    let (frame, _) = bench.render(&scene, &options);
+    let (frame, _) = rendered(&gpu, &scene, &options);
     let golden = Path::new(env!("CARGO_MANIFEST_DIR")).join("tests/golden/cup.png");
     if std::env::var_os("VTRACE_BLESS").is_some() {
         write_image(&golden, &frame.image, 0.0).unwrap();
@@ -274,5 +257,5 @@ fn golden_cup() {
         write_image(&actual, &frame.image, 0.0).unwrap();
         panic!("{psnr:.1} dB from the golden image; see {} (VTRACE_BLESS=1 accepts it)", actual.display());
     }
-    bench.finish();
+    gpu.finish();
 }

@@ -1,5 +1,7 @@
 //! What the passes build upon, apart from them: copies, blending, multisampling, stencil, textures.
 
+mod common;
+
 use std::sync::Arc;
 
 use bytemuck::Zeroable;
@@ -8,25 +10,14 @@ use half::f16;
 use vertex_tracing::{
     gpu::{
         Access, Blend, ColorTarget, Commands, DepthMode, DepthTarget, DescriptorSet, DeviceBuffer, Format,
-        Gpu, GraphicsDesc, GraphicsPipeline, Image, ImageDesc, Messages, Options, ReadbackBuffer,
-        ReadbackChoice, ReadbackRing, Resource, SetLayout, StencilMode, Targets, Uploads,
+        Gpu, GraphicsDesc, GraphicsPipeline, Image, ImageDesc, ReadbackBuffer, ReadbackChoice, ReadbackRing,
+        Resource, SetLayout, StencilMode, Targets, Uploads,
     },
     spirv,
     visibility::face_draw::{FACE_BINDINGS, Push},
 };
 
-fn gpu() -> (Arc<Gpu>, Arc<Messages>) {
-    let gpu = Gpu::new(&Options { validation: true, ..Options::default() })
-        .unwrap_or_else(|error| panic!("the tests need a Vulkan device and the validation layer: {error}"));
-    let messages = gpu.messages();
-    (gpu, messages)
-}
-
-fn assert_clean(gpu: Arc<Gpu>, messages: &Messages) {
-    assert_eq!(Arc::strong_count(&gpu), 1, "something still holds the device");
-    drop(gpu);
-    assert_eq!(messages.errors(), Vec::<String>::new());
-}
+use common::TestGpu;
 
 const SIZE: u32 = 16;
 
@@ -94,7 +85,7 @@ fn read<T: bytemuck::Pod>(gpu: &Arc<Gpu>, image: &Image) -> Vec<T> {
 
 #[test]
 fn uploads_larger_than_their_staging_buffer() {
-    let (gpu, messages) = gpu();
+    let gpu = TestGpu::open();
     let data: Vec<u32> = (0..10_007).collect();
     let mut uploads = Uploads::new(&gpu, "uploads", 1000).unwrap();
     let buffer = uploads.buffer("numbers", &data).unwrap();
@@ -112,12 +103,12 @@ fn uploads_larger_than_their_staging_buffer() {
     let timings = commands.timings().unwrap();
     assert_eq!(timings.iter().map(|timing| timing.name).collect::<Vec<_>>(), ["copy"]);
     drop((uploads, buffer, commands, staging));
-    assert_clean(gpu, &messages);
+    gpu.finish();
 }
 
 #[test]
 fn a_ring_holds_several_reads_in_flight() {
-    let (gpu, messages) = gpu();
+    let gpu = TestGpu::open();
     let buffer = DeviceBuffer::new(&gpu, "value", 4096).unwrap();
     let mut commands = [0, 1, 2].map(|_| Commands::new(&gpu, "fill", 0).unwrap());
     let mut ring = ReadbackRing::new(&gpu, "ring", 3, 4096, ReadbackChoice::Best).unwrap();
@@ -135,12 +126,12 @@ fn a_ring_holds_several_reads_in_flight() {
         }
     }
     drop((buffer, commands, ring));
-    assert_clean(gpu, &messages);
+    gpu.finish();
 }
 
 #[test]
 fn a_recording_that_is_dropped_changes_nothing() {
-    let (gpu, messages) = gpu();
+    let gpu = TestGpu::open();
     let mut uploads = Uploads::new(&gpu, "uploads", 64).unwrap();
     let buffer = uploads.buffer("numbers", &[1_u32, 2, 3]).unwrap();
     uploads.flush().unwrap();
@@ -155,12 +146,12 @@ fn a_recording_that_is_dropped_changes_nothing() {
     recording.submit_and_wait().unwrap();
     assert_eq!(staging.read::<u32>(3).unwrap(), [1, 2, 3]);
     drop((uploads, buffer, commands, staging));
-    assert_clean(gpu, &messages);
+    gpu.finish();
 }
 
 #[test]
 fn additive_passes_at_equal_depth() {
-    let (gpu, messages) = gpu();
+    let gpu = TestGpu::open();
     // Face 0 on the left half in front of face 1 everywhere.
     let corners = [left_of(0.0, 0.6), left_of(9.0, 0.3)].concat();
     let triangles = Triangles::new(&gpu, &corners);
@@ -192,12 +183,12 @@ fn additive_passes_at_equal_depth() {
     let depths = read::<f32>(&gpu, &depth);
     assert_eq!((depths[2], depths[12]), (0.6, 0.3));
     drop((triangles, first, more, color, depth, commands));
-    assert_clean(gpu, &messages);
+    gpu.finish();
 }
 
 #[test]
 fn samples_are_resolved_to_their_mean() {
-    let (gpu, messages) = gpu();
+    let gpu = TestGpu::open();
     // An edge through the middle of column 8, and one sample a pixel to compare with.
     let triangles = Triangles::new(&gpu, &left_of(1.0 / SIZE as f32, 0.5));
     let target = |name, format| ImageDesc::target(name, format, SIZE, SIZE);
@@ -228,12 +219,12 @@ fn samples_are_resolved_to_their_mean() {
         assert_eq!(alphas[7..10], [1.0, 0.5, 0.0]);
     }
     drop((triangles, many, depth, resolved));
-    assert_clean(gpu, &messages);
+    gpu.finish();
 }
 
 #[test]
 fn the_stencil_restricts_what_follows() {
-    let (gpu, messages) = gpu();
+    let gpu = TestGpu::open();
     let triangles = Triangles::new(&gpu, &[left_of(0.0, 0.5), left_of(9.0, 0.3)].concat());
     let format = Format::Depth32fStencil8;
     let colors = [(Format::Rgba8, Blend::Replace)];
@@ -258,12 +249,12 @@ fn the_stencil_restricts_what_follows() {
     let pixels = read::<[u8; 4]>(&gpu, &color);
     assert_eq!((pixels[2], pixels[12]), ([2, 0, 0, 255], [0; 4]));
     drop((triangles, mark, test, color, depth, commands));
-    assert_clean(gpu, &messages);
+    gpu.finish();
 }
 
 #[test]
 fn array_textures_with_all_mips() {
-    let (gpu, messages) = gpu();
+    let gpu = TestGpu::open();
     let mut uploads = Uploads::new(&gpu, "uploads", 64).unwrap();
     let layer = |value: u8| vec![value; 13 * 7 * 4];
     let (first, second) = (layer(10), layer(200));
@@ -273,5 +264,5 @@ fn array_textures_with_all_mips() {
         assert!(read::<u8>(&gpu, &image) == first, "level 0 of layer 0");
     }
     drop(uploads);
-    assert_clean(gpu, &messages);
+    gpu.finish();
 }

@@ -17,7 +17,7 @@ const ALLOWED: [(&str, &[&str]); 11] = [
     // The image type and the stats' entries are what reconstruction hands on.
     ("reconstruct", &["scene", "options", "gpu", "visibility", "trace", "refine", "report"]),
     ("report", &["scene", "options", "gpu", "visibility", "frame"]),
-    ("plan", &["scene", "options", "reconstruct", "report"]),
+    ("plan", &["scene", "options", "visibility", "reconstruct", "report"]),
     ("frame", &["scene", "options", "gpu", "visibility", "trace", "refine", "reconstruct", "report", "plan"]),
     ("cli", &["scene", "options", "gpu", "trace", "report", "frame", "plan"]),
 ];
@@ -108,6 +108,22 @@ fn only_gpu_names_ash_and_is_unsafe() {
         let whole_word = |at: usize| !code[..at].ends_with(|c: char| c.is_alphanumeric() || c == '_');
         let uses_ash = code.match_indices("ash::").any(|(at, _)| whole_word(at));
         assert!(!uses_ash || file.ends_with("src/error.rs"), "{file} names ash");
+    }
+}
+
+/// Crates that a feature brings, and the only place that may name them.
+#[test]
+fn optional_crates_stay_where_their_feature_is() {
+    for (file, code) in files() {
+        let place = file.rsplit_once("/src/").map_or(file.as_str(), |(_, inside)| inside);
+        let named = |name: &str| code.contains(&format!("{name}::"));
+        for name in ["clap", "ctrlc", "env_logger", "indicatif"] {
+            assert!(
+                !named(name) || place.starts_with("cli/"),
+                "{file} names {name}, which only `cli` brings"
+            );
+        }
+        assert!(!named("plotters") || place.ends_with("plot.rs"), "{file} names plotters: only plots do");
     }
 }
 

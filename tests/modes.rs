@@ -1,15 +1,13 @@
 //! The paper's modes and equations: equal where they should be, and really different work (paper §4).
 
-use std::{
-    sync::{Arc, atomic::AtomicBool},
-    time::Duration,
-};
+mod common;
+
+use std::{sync::atomic::AtomicBool, time::Duration};
 
 use glam::{Affine2, Vec2, Vec3};
 use vertex_tracing::{
     error::Result,
     frame::{Frame, Renderer, Step},
-    gpu::{self, Gpu, Messages},
     options::{Equation, MethodOptions, Mode, Options, Reconstruction, Show, ViewOptions, VisibilityWay},
     report::{
         FloatImage,
@@ -23,37 +21,12 @@ use vertex_tracing::{
     trace::{Settings, Tracer, reference},
 };
 
+use common::TestGpu;
+
 const WIDTH: u32 = 320;
 const HEIGHT: u32 = 256;
 const RECONSTRUCTIONS: [Reconstruction; 2] = [Reconstruction::Exact, Reconstruction::Paper];
 const EQUATIONS: [Equation; 2] = [Equation::Three, Equation::Four];
-
-/// A device under validation whose messages are checked at the end.
-struct Bench {
-    gpu: Arc<Gpu>,
-    messages: Arc<Messages>,
-}
-
-impl Bench {
-    fn new() -> Self {
-        let gpu =
-            Gpu::new(&gpu::Options { validation: true, ..gpu::Options::default() }).unwrap_or_else(|error| {
-                panic!("the tests need a Vulkan device and the validation layer: {error}")
-            });
-        Self { messages: gpu.messages(), gpu }
-    }
-
-    fn render(&self, scene: &Scene, options: &Options) -> Frame {
-        let view = options.view.resolve(scene).unwrap();
-        Renderer::new(&self.gpu, scene, options).unwrap().render(&view).unwrap()
-    }
-
-    fn finish(self) {
-        assert_eq!(Arc::strong_count(&self.gpu), 1, "something still holds the device");
-        drop(self.gpu);
-        assert_eq!(self.messages.errors(), Vec::<String>::new());
-    }
-}
 
 fn options(mode: Mode, equation: Equation, reconstruction: Reconstruction) -> Options {
     let mut options = Options {
@@ -94,12 +67,12 @@ fn preview(mut options: Options) -> Options {
 
 #[test]
 fn one_equation_gives_one_image_in_both_modes() {
-    let bench = Bench::new();
+    let gpu = TestGpu::open();
     for demo in Demo::ALL {
         let scene = demo.scene();
         for reconstruction in RECONSTRUCTIONS {
             for equation in EQUATIONS {
-                let render = |mode| bench.render(&scene, &options(mode, equation, reconstruction));
+                let render = |mode| gpu.render(&scene, &options(mode, equation, reconstruction));
                 let (one, several) = (render(Mode::MultiTexture), render(Mode::MultiPass));
                 let what = format!("{} {reconstruction} Eq. {equation}", demo.name());
                 let psnr = psnr(&one.image, &several.image);
@@ -110,14 +83,14 @@ fn one_equation_gives_one_image_in_both_modes() {
             }
         }
     }
-    bench.finish();
+    gpu.finish();
 }
 
 #[test]
 fn equations_differ_only_where_there_is_a_combined_colour() {
-    let bench = Bench::new();
+    let gpu = TestGpu::open();
     let both = |scene: &Scene, reconstruction| {
-        EQUATIONS.map(|equation| bench.render(scene, &options(Mode::MultiTexture, equation, reconstruction)))
+        EQUATIONS.map(|equation| gpu.render(scene, &options(Mode::MultiTexture, equation, reconstruction)))
     };
     // Eq. 4 differs where a branch has both a texture at its first bounce and a combined colour: where something
     // textured mirrors in turn. Here that is the polished table alone.
@@ -134,7 +107,7 @@ fn equations_differ_only_where_there_is_a_combined_colour() {
         let [three, four] = both(&scene, reconstruction);
         let mut options = options(Mode::MultiTexture, Equation::Three, reconstruction);
         options.show = Some(Show::VtMask);
-        let specular = bench.render(&scene, &options).image.to_mask();
+        let specular = gpu.render(&scene, &options).image.to_mask();
         let differs = |pixel: &usize| three.image.pixels[*pixel] != four.image.pixels[*pixel];
         let (inside, outside): (Vec<usize>, Vec<usize>) =
             (0..specular.len()).filter(differs).partition(|&pixel| specular[pixel]);
@@ -149,12 +122,12 @@ fn equations_differ_only_where_there_is_a_combined_colour() {
         // Leaves at a silhouette may cover a centre that the ID buffer gives to the face behind.
         assert!(outside.len() * 1000 <= specular.len(), "{reconstruction}: {} beside", outside.len());
     }
-    bench.finish();
+    gpu.finish();
 }
 
 #[test]
 fn each_mode_does_its_own_work() {
-    let bench = Bench::new();
+    let gpu = TestGpu::open();
     for demo in [Demo::Mirror, Demo::CupAndGlass] {
         let scene = demo.scene();
         for (mode, equation, expected) in [
@@ -169,7 +142,7 @@ fn each_mode_does_its_own_work() {
         ] {
             let mut options = paper(mode, equation);
             options.everything = true;
-            let frame = bench.render(&scene, &options);
+            let frame = gpu.render(&scene, &options);
             assert_eq!(names(&frame), expected, "{}", demo.name());
             assert!(frame.stats.passes.iter().all(|pass| pass.draws > 0), "{:?}", frame.stats.passes);
             let diffuse_only =
@@ -177,18 +150,18 @@ fn each_mode_does_its_own_work() {
             assert!(!diffuse_only, "later passes draw specular leaves alone: {:?}", frame.stats.passes);
         }
     }
-    bench.finish();
+    gpu.finish();
 }
 
 #[test]
 fn passes_that_would_add_nothing_are_left_out_and_named() {
-    let bench = Bench::new();
-    let frame = bench.render(&Demo::Mirror.scene(), &paper(Mode::MultiPass, Equation::Three));
+    let gpu = TestGpu::open();
+    let frame = gpu.render(&Demo::Mirror.scene(), &paper(Mode::MultiPass, Equation::Three));
     assert_eq!(names(&frame), ["primary", "reflected"]);
     let left_out: Vec<&str> = frame.stats.left_out.iter().map(|entry| entry.what.as_str()).collect();
     assert!(left_out.contains(&"reflected combined pass"), "{left_out:?}");
     assert!(left_out.iter().any(|what| what.contains("transmitted texture and its pass")), "{left_out:?}");
-    bench.finish();
+    gpu.finish();
 }
 
 /// A pane of glass with a texture of its own, between a wall that it reflects and one that it transmits, each
@@ -224,7 +197,7 @@ fn pane(samplers: [Sampler; 3]) -> Scene {
 
 #[test]
 fn three_textures_a_face_each_with_its_own_sampler() {
-    let bench = Bench::new();
+    let gpu = TestGpu::open();
     let repeat = Sampler { mip: None, ..Sampler::default() };
     let nearest = Sampler { mag: Filter::Nearest, min: Filter::Nearest, ..repeat };
     let clamp = Sampler { wrap_u: Wrap::Clamp, wrap_v: Wrap::Clamp, ..repeat };
@@ -235,7 +208,7 @@ fn three_textures_a_face_each_with_its_own_sampler() {
             let images = choices.map(|samplers| {
                 let scene = pane(samplers);
                 let options = options(mode, equation, reconstruction);
-                let frame = bench.render(&scene, &options);
+                let frame = gpu.render(&scene, &options);
                 let psnr = psnr(&reference_image(&scene, &options), &frame.image);
                 println!("{reconstruction} {mode} {psnr:.1} dB {:?}", frame.stats.faces);
                 // The paper's α is interpolated, and with it the pane's own texture where it tints.
@@ -247,7 +220,7 @@ fn three_textures_a_face_each_with_its_own_sampler() {
             assert!(psnr(&images[0], &images[2]) < 30.0, "samplers do not matter");
         }
     }
-    bench.finish();
+    gpu.finish();
 }
 
 /// A mirror `height` units high that leans forward over a chessboard before a brick wall.
@@ -273,16 +246,16 @@ fn leaning_mirror(height: f32) -> Scene {
 
 #[test]
 fn faces_are_defined_where_all_vertices_see_one_texture() {
-    let bench = Bench::new();
+    let gpu = TestGpu::open();
     let faces = |scene: &Scene| {
-        let faces = bench.render(scene, &preview(paper(Mode::MultiTexture, Equation::Three))).stats.faces;
+        let faces = gpu.render(scene, &preview(paper(Mode::MultiTexture, Equation::Three))).stats.faces;
         (faces.defined, faces.undefined)
     };
     assert_eq!(faces(&leaning_mirror(0.8)), (2, 0), "two faces that see the chessboard alone");
     assert_eq!(faces(&leaning_mirror(2.6)), (0, 2), "two faces across the border of floor and wall");
     let (defined, undefined) = faces(&Demo::Cup.scene());
     assert!(defined > 0 && undefined > 0, "{defined} {undefined}");
-    bench.finish();
+    gpu.finish();
 }
 
 /// `scene` with every texture `times` as fine.
@@ -303,11 +276,11 @@ fn without_textures(mut scene: Scene) -> Scene {
 
 #[test]
 fn textures_cost_no_samples() {
-    let bench = Bench::new();
+    let gpu = TestGpu::open();
     for reconstruction in RECONSTRUCTIONS {
         for demo in [Demo::Mirror, Demo::Sphere, Demo::Cup] {
             let options = preview(options(Mode::MultiTexture, Equation::Three, reconstruction));
-            let samples = |scene: &Scene| bench.render(scene, &options).stats.samples;
+            let samples = |scene: &Scene| gpu.render(scene, &options).stats.samples;
             let (textured, plain) = (samples(&demo.scene()), samples(&without_textures(demo.scene())));
             assert_eq!(textured, plain, "{} {reconstruction}: preview", demo.name());
         }
@@ -316,18 +289,18 @@ fn textures_cost_no_samples() {
             let mut options = options(Mode::MultiTexture, Equation::Three, reconstruction);
             options.effort.max_samples = None;
             options.effort.error = 4.0;
-            let samples = |scene: &Scene| bench.render(scene, &options).stats.samples;
+            let samples = |scene: &Scene| gpu.render(scene, &options).stats.samples;
             let (coarse, fine) = (samples(&scene), samples(&finer_textures(scene.clone(), 8.0)));
             println!("{} {reconstruction}: {coarse} samples, {fine} with finer textures", scene.name);
             assert!(fine as f64 <= coarse as f64 * 1.05, "{coarse} samples, {fine} with finer textures");
         }
     }
-    bench.finish();
+    gpu.finish();
 }
 
 #[test]
 fn steps_add_samples_and_never_error() {
-    let bench = Bench::new();
+    let gpu = TestGpu::open();
     for reconstruction in RECONSTRUCTIONS {
         for demo in [Demo::Cup, Demo::GlassBowl] {
             let scene = demo.scene();
@@ -341,7 +314,7 @@ fn steps_add_samples_and_never_error() {
                 steps.push((step.number, step.samples, error));
                 Ok(())
             };
-            let mut renderer = Renderer::new(&bench.gpu, &scene, &options).unwrap();
+            let mut renderer = Renderer::new(&gpu, &scene, &options).unwrap();
             let frame = renderer.render_steps(&view, Some(&mut after)).unwrap();
             let what = format!("{} {reconstruction}: {steps:?}", demo.name());
             assert_eq!(steps[0].0, 0, "the preview comes first: {what}");
@@ -362,30 +335,30 @@ fn steps_add_samples_and_never_error() {
             );
         }
     }
-    bench.finish();
+    gpu.finish();
 }
 
 #[test]
 fn showing_the_steps_does_not_change_the_image() {
-    let bench = Bench::new();
+    let gpu = TestGpu::open();
     let scene = Demo::Cup.scene();
     for visibility in [VisibilityWay::IdBuffer, VisibilityWay::SinglePass, VisibilityWay::Device] {
         for reconstruction in RECONSTRUCTIONS {
             let mut options = options(Mode::MultiPass, Equation::Three, reconstruction);
             options.method.visibility = visibility;
             let view = options.view.resolve(&scene).unwrap();
-            let plain = bench.render(&scene, &options).image;
-            let mut renderer = Renderer::new(&bench.gpu, &scene, &options).unwrap();
+            let plain = gpu.render(&scene, &options).image;
+            let mut renderer = Renderer::new(&gpu, &scene, &options).unwrap();
             let watched = renderer.render_steps(&view, Some(&mut |_| Ok(()))).unwrap().image;
             assert!(plain == watched, "{visibility} {reconstruction}: {:.1} dB", psnr(&plain, &watched));
         }
     }
-    bench.finish();
+    gpu.finish();
 }
 
 #[test]
 fn a_time_budget_is_kept() {
-    let bench = Bench::new();
+    let gpu = TestGpu::open();
     let scene = Demo::Cup.scene();
     let mut options = options(Mode::MultiTexture, Equation::Three, Reconstruction::Exact);
     options.effort.max_samples = None;
@@ -393,7 +366,7 @@ fn a_time_budget_is_kept() {
     (options.view.width, options.view.height) = (3 * WIDTH, 3 * HEIGHT);
     let view = options.view.resolve(&scene).unwrap();
     let timed = |options: &Options| {
-        let mut renderer = Renderer::new(&bench.gpu, &scene, options).unwrap();
+        let mut renderer = Renderer::new(&gpu, &scene, options).unwrap();
         renderer.warm_up(&view).unwrap();
         let stats = renderer.render(&view).unwrap().stats;
         (stats.time_ms.frame, stats)
@@ -412,5 +385,5 @@ fn a_time_budget_is_kept() {
     let step = (stats.time_ms.trace + stats.time_ms.refine) / stats.steps.max(1) as f64;
     println!("{what}; a step takes {step:.0} ms");
     assert!(took <= budget * 1.1 + 4.0 * step, "{what}; a step takes {step:.0} ms");
-    bench.finish();
+    gpu.finish();
 }

@@ -1,10 +1,12 @@
 //! The profile of visibility: its rows, its table and its plot.
 
+mod common;
+
 use std::collections::BTreeSet;
 
 use serde_json::Value;
 use vertex_tracing::{
-    gpu::{Gpu, Options, ReadbackMemory},
+    gpu::ReadbackMemory,
     report::profile::{
         Profile, STAGES,
         measure::{Plan, measure},
@@ -12,13 +14,12 @@ use vertex_tracing::{
     scene::demo::Demo,
 };
 
+use common::TestGpu;
+
 fn profile() -> Profile {
-    let gpu = Gpu::new(&Options { validation: true, ..Options::default() })
-        .unwrap_or_else(|error| panic!("the tests need a Vulkan device and the validation layer: {error}"));
-    let messages = gpu.messages();
+    let gpu = TestGpu::open();
     let profile = measure(&gpu, &Demo::Sphere.scene(), &Plan::quick(), &|_| {}).unwrap();
-    drop(gpu);
-    assert_eq!(messages.errors(), Vec::<String>::new());
+    gpu.finish();
     profile
 }
 

@@ -1,18 +1,22 @@
 //! The ID buffer against a plain ray caster, pixel by pixel, on a real device under validation.
 
+mod common;
+
 use std::sync::Arc;
 
 use glam::{DVec3, Vec2, Vec3, Vec4};
 use rayon::prelude::*;
 use vertex_tracing::{
     constants::{CODE_NONE, CODE_SHADOW, CODE_VT},
-    gpu::{DeviceKind, Fault, Gpu, Messages, Options, ReadbackChoice, ReadbackMemory},
+    gpu::{DeviceKind, Fault, Gpu, Options, ReadbackChoice, ReadbackMemory},
     scene::{
         AlphaMode, Background, Camera, Filter, Geometry, Image, Material, Object, Projection, Sampler, Scene,
         Texture, TextureSlot, View, topology::Topology,
     },
     visibility::{Adjacency, Class, Pass, classes, device},
 };
+
+use common::TestGpu;
 
 // ---- scenes ----
 
@@ -174,25 +178,10 @@ impl<'a> Caster<'a> {
 
 // ---- the comparison ----
 
-/// A device under validation. Fails, with the remedy, where there is none.
-fn gpu() -> (Arc<Gpu>, Arc<Messages>) {
-    let gpu = Gpu::new(&Options { validation: true, ..Options::default() })
-        .unwrap_or_else(|error| panic!("the tests need a Vulkan device and the validation layer: {error}"));
-    let messages = gpu.messages();
-    (gpu, messages)
-}
-
-/// To be called when everything on the device is gone: leaks are reported at the very end.
-fn assert_clean(gpu: Arc<Gpu>, messages: &Messages) {
-    assert_eq!(Arc::strong_count(&gpu), 1, "something still holds the device");
-    drop(gpu);
-    assert_eq!(messages.errors(), Vec::<String>::new());
-}
-
 /// Holds the ID buffer of `scene` against the ray caster. Where they differ, the caster must find the
 /// device's answer within 1/64 pixel: the rasteriser snaps corners to 1/256 pixel. At most `hairs` pixels may.
 fn check(scene: &Scene, classes: &[Class], view: &View, hairs: usize) {
-    let (gpu, messages) = gpu();
+    let gpu = TestGpu::open();
     let mut pass = Pass::new(&gpu, scene, classes).unwrap();
     let visibility = pass.run(view).unwrap();
     let caster = Caster::new(scene, view);
@@ -248,7 +237,7 @@ fn check(scene: &Scene, classes: &[Class], view: &View, hairs: usize) {
     assert_eq!((counted.faces, counted.visible_vt), (visibility.faces, visibility.visible_vt));
     assert_eq!(counted.readback_bytes, 4 * scene.geometry.faces.len() as u64);
     drop((pass, device_pass));
-    assert_clean(gpu, &messages);
+    gpu.finish();
 }
 
 fn all_vt(scene: &Scene) -> Vec<Class> {
@@ -362,7 +351,7 @@ fn codes_of_every_class() {
     // What one sees through is not drawn, unless it is a VT object.
     scene.materials[1].alpha_mode = AlphaMode::Blend;
     scene.materials[2].alpha_mode = AlphaMode::Blend;
-    let (gpu, messages) = gpu();
+    let gpu = TestGpu::open();
     let mut pass = Pass::new(&gpu, &scene, &with_shadows).unwrap();
     let visibility = pass.run(&view).unwrap();
     let codes = [35, 64, 85].map(|x| u32::from(visibility.ids.code(x, 64)));
@@ -370,7 +359,7 @@ fn codes_of_every_class() {
     let corner = (visibility.ids.face(0, 127), u32::from(visibility.ids.code(0, 127)));
     assert!(corner == (None, CODE_NONE) || corner.1 == CODE_SHADOW);
     drop(pass);
-    assert_clean(gpu, &messages);
+    gpu.finish();
 }
 
 #[test]
@@ -392,7 +381,7 @@ fn masked_faces_have_holes() {
     let camera = Camera::look_at(Vec3::new(0.0, 0.0, 5.0), Vec3::ZERO, 0.7);
     let view = View::new(&camera, 64, 64, scene.bounds());
 
-    let (gpu, messages) = gpu();
+    let gpu = TestGpu::open();
     let seen = |scene: &Scene| {
         let mut pass = Pass::new(&gpu, scene, &all_vt(scene)).unwrap();
         let visibility = pass.run(&view).unwrap();
@@ -406,13 +395,13 @@ fn masked_faces_have_holes() {
     assert_eq!(seen(&scene), [Some(1), Some(1)]);
     scene.materials[0].alpha_mode = AlphaMode::Mask(0.0);
     assert_eq!(seen(&scene), [Some(0), Some(0)]);
-    assert_clean(gpu, &messages);
+    gpu.finish();
 }
 
 #[test]
 fn every_kind_of_memory_gives_the_same() {
     let scene = scene(&[(both_sides(), true, soup(500, 0.5))]);
-    let (gpu, messages) = gpu();
+    let gpu = TestGpu::open();
     let mut pass = Pass::new(&gpu, &scene, &all_vt(&scene)).unwrap();
     // A width that makes neither rows nor the whole a multiple of any atom size.
     let view = view(&scene, 127, 63);
@@ -433,13 +422,13 @@ fn every_kind_of_memory_gives_the_same() {
         }
     }
     drop(pass);
-    assert_clean(gpu, &messages);
+    gpu.finish();
 }
 
 #[test]
 fn reading_in_place_gives_the_same() {
     let scene = scene(&[(both_sides(), true, soup(500, 0.5))]);
-    let (gpu, messages) = gpu();
+    let gpu = TestGpu::open();
     let mut pass = Pass::new(&gpu, &scene, &all_vt(&scene)).unwrap();
     // Rows without gaps, whatever the device's alignment; then rows that may have some.
     for width in [256, 255] {
@@ -454,13 +443,13 @@ fn reading_in_place_gives_the_same() {
         assert!(!pass.reads_in_place());
     }
     drop(pass);
-    assert_clean(gpu, &messages);
+    gpu.finish();
 }
 
 #[test]
 fn runs_repeat_for_any_size_order_and_thread_count() {
     let scene = scene(&[(both_sides(), true, soup(2000, 0.3))]);
-    let (gpu, messages) = gpu();
+    let gpu = TestGpu::open();
     let mut pass = Pass::new(&gpu, &scene, &all_vt(&scene)).unwrap();
     let (small, large) = (view(&scene, 64, 48), view(&scene, 320, 200));
     pass.warm_up(&small).unwrap();
@@ -478,14 +467,14 @@ fn runs_repeat_for_any_size_order_and_thread_count() {
         assert!(run(&small, threads) == first_small);
     }
     drop(pass);
-    assert_clean(gpu, &messages);
+    gpu.finish();
 }
 
 #[test]
 fn small_faces_are_found_by_the_ring() {
     let scene = scene(&[(Material::default(), true, sphere(Vec3::ZERO, 1.0, 40))]);
     let classes = all_vt(&scene);
-    let (gpu, messages) = gpu();
+    let gpu = TestGpu::open();
     let mut pass = Pass::new(&gpu, &scene, &classes).unwrap();
     let topology = Topology::new(&scene.geometry);
     let adjacency = Adjacency::new(&scene, &topology);
@@ -501,7 +490,7 @@ fn small_faces_are_found_by_the_ring() {
     // Faces on the far side are not.
     assert!(ring.len() < scene.geometry.faces.len() * 3 / 5, "{} faces", ring.len());
     drop(pass);
-    assert_clean(gpu, &messages);
+    gpu.finish();
 }
 
 #[test]
@@ -509,7 +498,7 @@ fn a_hundred_thousand_faces_in_a_thousand_pixels() {
     let scene = scene(&[(Material::default(), true, sphere(Vec3::ZERO, 1.0, 160))]);
     assert!(scene.geometry.faces.len() > 100_000);
     let classes = all_vt(&scene);
-    let (gpu, messages) = gpu();
+    let gpu = TestGpu::open();
     let mut pass = Pass::new(&gpu, &scene, &classes).unwrap();
     let topology = Topology::new(&scene.geometry);
     let adjacency = Adjacency::new(&scene, &topology);
@@ -524,7 +513,7 @@ fn a_hundred_thousand_faces_in_a_thousand_pixels() {
     let missed = fine.iter().filter(|face| ring.binary_search(face).is_err()).count();
     assert_eq!(missed, 0, "of {} faces", fine.len());
     drop(pass);
-    assert_clean(gpu, &messages);
+    gpu.finish();
 }
 
 #[test]
@@ -547,7 +536,7 @@ fn failures_leave_nothing_behind() {
         ("vkBeginCommandBuffer", Fault::DeviceLost),
         ("vkQueueSubmit2", Fault::DeviceLost),
     ] {
-        let (gpu, messages) = gpu();
+        let gpu = TestGpu::open();
         gpu.fail_next(call, fault);
         let failed = Pass::new(&gpu, &scene, &all_vt(&scene)).and_then(|mut pass| {
             pass.set_readback(ReadbackChoice::Treat(ReadbackMemory::CachedCoherent));
@@ -558,14 +547,14 @@ fn failures_leave_nothing_behind() {
         assert!(message.contains(call) || message.contains("memory"), "{call}: {message}");
         // And the device goes on serving.
         Pass::new(&gpu, &scene, &all_vt(&scene)).unwrap().run(&view).unwrap();
-        assert_clean(gpu, &messages);
+        gpu.finish();
     }
 }
 
 #[test]
 fn sizes_beyond_the_device_are_refused() {
     let scene = scene(&[]);
-    let (gpu, messages) = gpu();
+    let gpu = TestGpu::open();
     let mut pass = Pass::new(&gpu, &scene, &[]).unwrap();
     let too_wide = view(&scene, gpu.max_image_size() + 1, 1);
     let message = pass.run(&too_wide).unwrap_err().to_string();
@@ -575,7 +564,7 @@ fn sizes_beyond_the_device_are_refused() {
     );
     assert!(pass.run(&view(&scene, 8, 8)).is_ok());
     drop(pass);
-    assert_clean(gpu, &messages);
+    gpu.finish();
 }
 
 #[test]

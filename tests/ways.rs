@@ -1,10 +1,12 @@
 //! The ways to find the visible faces, held against each other, and the images that follow from them.
 
+mod common;
+
 use std::sync::Arc;
 
 use vertex_tracing::{
     frame::{Renderer, Step},
-    gpu::{Fault, Gpu, Messages, Options as DeviceOptions},
+    gpu::{Fault, Gpu},
     options::{Options, Ss, ViewOptions, VisibilityWay},
     report::metrics::{Encoding, compare},
     scene::{
@@ -14,18 +16,7 @@ use vertex_tracing::{
     visibility::{VisibleFaces, single_pass::CODES},
 };
 
-fn gpu() -> (Arc<Gpu>, Arc<Messages>) {
-    let gpu = Gpu::new(&DeviceOptions { validation: true, ..DeviceOptions::default() })
-        .unwrap_or_else(|error| panic!("the tests need a Vulkan device and the validation layer: {error}"));
-    let messages = gpu.messages();
-    (gpu, messages)
-}
-
-fn assert_clean(gpu: Arc<Gpu>, messages: &Messages) {
-    assert_eq!(Arc::strong_count(&gpu), 1, "something still holds the device");
-    drop(gpu);
-    assert_eq!(messages.errors(), Vec::<String>::new());
-}
+use common::TestGpu;
 
 fn view(scene: &Scene, width: u32, height: u32) -> View {
     ViewOptions { width, height, ..ViewOptions::default() }.resolve(scene).unwrap()
@@ -68,7 +59,7 @@ fn hold_single_pass(gpu: &Arc<Gpu>, scene: &Scene, view: &View, exact: &Faces) -
 
 #[test]
 fn all_ways_agree_on_every_demo() {
-    let (gpu, messages) = gpu();
+    let gpu = TestGpu::open();
     for demo in Demo::ALL {
         let scene = demo.scene();
         let view = view(&scene, 240, 192);
@@ -81,25 +72,25 @@ fn all_ways_agree_on_every_demo() {
         println!("{}: {} faces, {excess} more, {same} of the pixels", demo.name(), exact.marked.len());
         assert!(same == 1.0 && excess == 0, "{}: every face has a code of its own", demo.name());
     }
-    assert_clean(gpu, &messages);
+    gpu.finish();
 }
 
 #[test]
 fn shared_codes_mark_too_much_and_never_too_little() {
     let scene = stress::wavy_mirror(4 * CODES).unwrap();
     let view = view(&scene, 320, 256);
-    let (gpu, messages) = gpu();
+    let gpu = TestGpu::open();
     let exact = find(&gpu, &scene, &view, VisibilityWay::IdBuffer);
     let (same, excess) = hold_single_pass(&gpu, &scene, &view, &exact);
     let share = excess as f64 / exact.marked.len() as f64;
     println!("{} faces, {excess} more ({share:.4}), {same:.5} of the pixels", exact.marked.len());
     assert!(same > 0.999 && share < 0.01, "{same} of the pixels, {share} more faces");
-    assert_clean(gpu, &messages);
+    gpu.finish();
 }
 
 #[test]
 fn every_way_renders_the_same_picture() {
-    let (gpu, messages) = gpu();
+    let gpu = TestGpu::open();
     for demo in [Demo::Cup, Demo::GlassBowl] {
         let scene = demo.scene();
         let view = view(&scene, 200, 160);
@@ -119,14 +110,14 @@ fn every_way_renders_the_same_picture() {
             assert_ne!(exact.stats.readback.bytes, other.stats.readback.bytes, "{way} reads something else");
         }
     }
-    assert_clean(gpu, &messages);
+    gpu.finish();
 }
 
 #[test]
 fn a_single_pass_shown_step_by_step_ends_in_the_same_picture() {
     let scene = Demo::Cup.scene();
     let view = view(&scene, 120, 96);
-    let (gpu, messages) = gpu();
+    let gpu = TestGpu::open();
     let mut options = options(VisibilityWay::SinglePass);
     options.effort.max_samples = Some(1500);
     let mut renderer = Renderer::new(&gpu, &scene, &options).unwrap();
@@ -140,14 +131,14 @@ fn a_single_pass_shown_step_by_step_ends_in_the_same_picture() {
     assert!(steps > 2, "{steps} steps");
     assert_eq!(whole.pixels, stepped.pixels);
     drop(renderer);
-    assert_clean(gpu, &messages);
+    gpu.finish();
 }
 
 #[test]
 fn sub_samples_get_base_images_of_their_own() {
     let scene = Demo::Cup.scene();
     let view = view(&scene, 120, 96);
-    let (gpu, messages) = gpu();
+    let gpu = TestGpu::open();
     let image = |way| {
         let mut options = options(way);
         options.method.ss = Ss::Four;
@@ -156,14 +147,14 @@ fn sub_samples_get_base_images_of_their_own() {
     let (exact, single) = (image(VisibilityWay::IdBuffer), image(VisibilityWay::SinglePass));
     let psnr = compare(&exact, &single, None, Encoding::Srgb).unwrap().psnr.unwrap_or(f64::INFINITY);
     assert!(psnr > 45.0, "{psnr} dB");
-    assert_clean(gpu, &messages);
+    gpu.finish();
 }
 
 #[test]
 fn auto_says_what_it_chose_and_why() {
     let scene = Demo::Cup.scene();
     let view = view(&scene, 160, 128);
-    let (gpu, messages) = gpu();
+    let gpu = TestGpu::open();
     let mut renderer = Renderer::new(&gpu, &scene, &options(VisibilityWay::Auto)).unwrap();
     renderer.warm_up(&view).unwrap();
     let stats = renderer.render(&view).unwrap().stats;
@@ -173,7 +164,7 @@ fn auto_says_what_it_chose_and_why() {
     let exact = find(&gpu, &scene, &view, VisibilityWay::IdBuffer);
     assert_eq!(renderer.find_visible(&view).unwrap().unwrap().faces, &exact.faces);
     drop(renderer);
-    assert_clean(gpu, &messages);
+    gpu.finish();
 }
 
 #[test]
@@ -185,12 +176,12 @@ fn a_failing_base_image_leaves_nothing_behind() {
         ("vkCreateGraphicsPipelines", Fault::OutOfDeviceMemory),
         ("vkQueueSubmit2", Fault::DeviceLost),
     ] {
-        let (gpu, messages) = gpu();
+        let gpu = TestGpu::open();
         let mut renderer = Renderer::new(&gpu, &scene, &options(VisibilityWay::SinglePass)).unwrap();
         gpu.fail_next(call, fault);
         assert!(renderer.find_visible(&view).is_err(), "{call}");
         assert!(renderer.find_visible(&view).is_ok(), "{call}");
         drop(renderer);
-        assert_clean(gpu, &messages);
+        gpu.finish();
     }
 }

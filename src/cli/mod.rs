@@ -7,6 +7,8 @@ pub mod args;
 mod compare;
 mod devices;
 pub mod output;
+mod plan;
+#[cfg(feature = "bench")]
 mod profile;
 mod reference;
 pub mod render;
@@ -35,7 +37,9 @@ enum Command {
     Reference(Box<reference::ReferenceArgs>),
     Compare(compare::CompareArgs),
     Devices(devices::DevicesArgs),
+    #[cfg(feature = "bench")]
     Profile(profile::ProfileArgs),
+    Plan(Box<plan::PlanArgs>),
 }
 
 /// Why a command did not do its work.
@@ -78,7 +82,9 @@ pub fn main() -> ExitCode {
             Command::Reference(args) => reference::run(&args)?,
             Command::Compare(args) => compare::run(&args)?,
             Command::Devices(args) => devices::run(&args)?,
+            #[cfg(feature = "bench")]
             Command::Profile(args) => profile::run(&args)?,
+            Command::Plan(args) => plan::run(&args)?,
         }
         Ok(())
     });

@@ -15,7 +15,9 @@ use ash::vk;
 use bytemuck::Pod;
 use gpu_allocator::{MemoryLocation, vulkan::Allocation};
 
-use super::{Access, Gpu, ReadbackChoice, ReadbackMemory, device::out_of_memory, memory::atom_range};
+use super::{
+    Access, Gpu, ReadbackChoice, ReadbackMemory, census::Kind, device::out_of_memory, memory::atom_range,
+};
 use crate::error::Result;
 
 /// A buffer that only the device reaches. Clones share it.
@@ -195,6 +197,7 @@ impl RawBuffer {
             .call("vkCreateBuffer", name, |device| unsafe { device.create_buffer(&info, None) })
             .map_err(|error| out_of_memory(name, size, error))?;
         gpu.name(handle, name);
+        gpu.count(Kind::Buffer, name, size);
         Ok(Self {
             gpu: gpu.clone(),
             name: name.into(),

@@ -13,6 +13,7 @@ use gpu_allocator::{
 };
 
 use super::{
+    census::{Census, Kind},
     choice::{self, DeviceInfo},
     instance::{Instance, Messages},
     sampler::SamplerDesc,
@@ -51,6 +52,7 @@ pub struct Gpu {
     timeline: vk::Semaphore,
     allocator: ManuallyDrop<Mutex<Allocator>>,
     names: Option<ext::debug_utils::Device>,
+    census: Mutex<Census>,
     faults: Mutex<Vec<(&'static str, vk::Result)>>,
     physical: vk::PhysicalDevice,
     info: DeviceInfo,
@@ -152,6 +154,7 @@ impl Gpu {
             timeline,
             allocator: ManuallyDrop::new(Mutex::new(allocator)),
             names,
+            census: Mutex::default(),
             faults: Mutex::default(),
             physical: candidate.handle,
             info: candidate.info,
@@ -187,6 +190,11 @@ impl Gpu {
         self.limits.max_image_dimension2_d
     }
 
+    /// What was created on this device so far.
+    pub fn census(&self) -> Census {
+        lock(&self.census).clone()
+    }
+
     /// Test hook: the next `call` (a name such as `vkCreateBuffer`) fails with `fault` and is not made.
     pub fn fail_next(&self, call: &'static str, fault: Fault) {
         let code = match fault {
@@ -207,6 +215,11 @@ impl Gpu {
         let injected = faults.iter().position(|fault| fault.0 == call).map(|index| faults.remove(index).1);
         drop(faults);
         injected.map_or_else(|| function(&self.device), Err).map_err(vulkan_error(call, object))
+    }
+
+    /// Counts an object that was created.
+    pub(super) fn count(&self, kind: Kind, name: &str, bytes: u64) {
+        lock(&self.census).add(kind, name, bytes);
     }
 
     /// Gives `handle` the name that messages and debuggers show.

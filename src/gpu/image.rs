@@ -8,7 +8,7 @@ use std::sync::{
 use ash::vk;
 use gpu_allocator::{MemoryLocation, vulkan::Allocation};
 
-use super::{Access, Gpu, device::out_of_memory};
+use super::{Access, Gpu, census::Kind, device::out_of_memory};
 use crate::error::{Error, Result};
 
 /// Texel format.
@@ -135,6 +135,16 @@ impl<'a> ImageDesc<'a> {
         let mips = if mipped { full_mips(width, height) } else { 1 };
         Self { name, format, usage: ImageUse::Texture, width, height, layers, mips, samples: 1 }
     }
+
+    /// Bytes of all its texels: levels, layers and samples; of a depth image without its stencil.
+    pub fn bytes(&self) -> u64 {
+        let level = |mip: u32| {
+            let side = |side: u32| u64::from((side >> mip).max(1));
+            side(self.width) * side(self.height)
+        };
+        let texels: u64 = (0..self.mips).map(level).sum();
+        texels * self.format.texel_bytes() * u64::from(self.layers) * u64::from(self.samples)
+    }
 }
 
 /// Mip levels of a `width` × `height` image down to a single texel.
@@ -219,10 +229,7 @@ impl RawImage {
             .tiling(tiling)
             .usage(usage)
             .initial_layout(vk::ImageLayout::UNDEFINED);
-        let bytes = u64::from(desc.width)
-            * u64::from(desc.height)
-            * desc.format.texel_bytes()
-            * u64::from(desc.layers);
+        let bytes = desc.bytes();
         // SAFETY: a live device; the description was checked against its limits.
         let handle = gpu
             .call("vkCreateImage", desc.name, |device| unsafe { device.create_image(&info, None) })
@@ -243,6 +250,7 @@ impl RawImage {
             busy_until: AtomicU64::new(0),
         };
         gpu.name(handle, desc.name);
+        gpu.count(Kind::Image, desc.name, bytes);
         // SAFETY: a live image of this device.
         let requirements = unsafe { gpu.device.get_image_memory_requirements(handle) };
         let location = if host { MemoryLocation::GpuToCpu } else { MemoryLocation::GpuOnly };

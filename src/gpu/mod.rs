@@ -8,6 +8,7 @@
 
 mod access;
 mod buffer;
+pub mod census;
 mod choice;
 mod commands;
 mod descriptor;
@@ -25,6 +26,7 @@ mod timestamps;
 
 pub use access::Access;
 pub use buffer::{DeviceBuffer, ReadbackBuffer, UploadBuffer};
+pub use census::Census;
 pub use choice::{DeviceInfo, DeviceKind, devices};
 pub use commands::{Commands, Recording, Submission};
 pub use descriptor::{Binding, BindingKind, DescriptorSet, Resource, SetLayout};

@@ -4,7 +4,7 @@ use std::{ffi::CStr, io::Cursor, sync::Arc};
 
 use ash::vk;
 
-use super::{Format, Gpu, SetLayout, descriptor::RawLayout};
+use super::{Format, Gpu, SetLayout, census::Kind, descriptor::RawLayout};
 use crate::error::{Error, Result};
 
 const ENTRY_POINT: &CStr = c"main";
@@ -259,6 +259,7 @@ impl GraphicsPipeline {
                 .map_err(|(_, code)| code)
         })?[0];
         gpu.name(raw.handle, desc.name);
+        gpu.count(Kind::Pipeline, desc.name, 0);
         Ok(Self { raw: Arc::new(raw) })
     }
 }
@@ -286,6 +287,7 @@ impl ComputePipeline {
             device.create_compute_pipelines(vk::PipelineCache::null(), &infos, None).map_err(|(_, code)| code)
         })?[0];
         gpu.name(raw.handle, name);
+        gpu.count(Kind::Pipeline, name, 0);
         Ok(Self { raw: Arc::new(raw) })
     }
 }

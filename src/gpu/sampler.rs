@@ -2,7 +2,7 @@
 
 use ash::vk;
 
-use super::{Gpu, device::lock};
+use super::{Gpu, census::Kind, device::lock};
 use crate::error::Result;
 
 /// How a texture is filtered and continued beyond its border.
@@ -83,7 +83,9 @@ impl Gpu {
         // SAFETY: a live device; `info` is complete.
         let sampler =
             self.call("vkCreateSampler", "sampler", |device| unsafe { device.create_sampler(&info, None) })?;
-        self.name(sampler, &format!("{desc:?}"));
+        let name = format!("{desc:?}");
+        self.name(sampler, &name);
+        self.count(Kind::Sampler, &name, 0);
         samplers.insert(desc, sampler);
         Ok(sampler)
     }

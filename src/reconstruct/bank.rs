@@ -7,9 +7,9 @@ use image::{RgbaImage, imageops};
 
 use crate::constants::{MAX_BANK_ARRAYS, NO_TEXTURE};
 use crate::error::Result;
-use crate::gpu::{AddressMode, Format, Image, SamplerDesc, TexelFilter, Uploads};
+use crate::gpu::{AddressMode, Format, Image, ImageDesc, SamplerDesc, TexelFilter, Uploads};
 use crate::options::FilterMode;
-use crate::scene::{Environment, Filter, Sampler, Scene, TextureSlot, Wrap};
+use crate::scene::{Background, Environment, Filter, Sampler, Scene, Texture, TextureSlot, Wrap};
 
 /// What textures of one array have in common.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
@@ -29,6 +29,60 @@ struct Packing {
     members: Vec<Vec<usize>>,
 }
 
+/// Which textures of a scene are uploaded.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub struct Wanted {
+    /// Whether each texture is.
+    pub textures: Vec<bool>,
+    /// Whether they have mip levels even where no sampler asks for them.
+    pub all_mips: bool,
+}
+
+impl Wanted {
+    /// Those that are, by index.
+    pub fn of<'s>(&self, scene: &'s Scene) -> impl Iterator<Item = (usize, &'s Texture)> {
+        scene.textures.iter().enumerate().filter(|&(index, _)| self.textures[index])
+    }
+
+    fn mipped(&self, kind: &Kind) -> bool {
+        self.all_mips || kind.sampler.mip.is_some()
+    }
+
+    /// Bytes that the bank's textures will take on the device, all levels included.
+    pub fn bytes(&self, scene: &Scene, filter: FilterMode) -> u64 {
+        let (packing, _) = pack(scene, &self.textures, filter);
+        let array = |(kind, members): (&Kind, &Vec<usize>)| {
+            let (layers, mipped) = (members.len() as u32, self.mipped(kind));
+            ImageDesc::texture(TEXTURES, kind.format(), kind.size, layers, mipped).bytes()
+        };
+        packing.kinds.iter().zip(&packing.members).map(array).sum()
+    }
+}
+
+impl Kind {
+    fn format(&self) -> Format {
+        if self.srgb { Format::Rgba8Srgb } else { Format::Rgba8 }
+    }
+}
+
+/// Debug name of the bank's arrays.
+pub const TEXTURES: &str = "texture bank";
+
+/// Bytes of a scene's panorama on the device.
+pub fn panorama_bytes(scene: &Scene) -> u64 {
+    match &scene.background {
+        Background::Environment(panorama) => size_of::<[f32; 4]>() as u64 * panorama.radiance.len() as u64,
+        Background::Color(_) => 0,
+    }
+}
+
+/// Bytes of the staging buffer through which `bytes` of texels are uploaded.
+pub fn staging_bytes(bytes: u64) -> u64 {
+    bytes.clamp(16, TEXTURE_STAGING).next_multiple_of(16)
+}
+
+const TEXTURE_STAGING: u64 = 32 << 20;
+
 /// All textures of a scene on the device.
 #[derive(Debug)]
 pub struct Bank {
@@ -42,15 +96,15 @@ pub struct Bank {
 }
 
 impl Bank {
-    /// Uploads the textures that `used` says are needed, with the filters of `filter`.
+    /// Uploads the textures that are `wanted`, with the filters of `filter`.
     ///
     /// # Errors
     /// A texture larger than the device can hold; no memory left.
-    pub fn new(uploads: &mut Uploads, scene: &Scene, used: &[bool], filter: FilterMode) -> Result<Self> {
-        let (packing, notes) = pack(scene, used, filter);
+    pub fn new(uploads: &mut Uploads, scene: &Scene, wanted: &Wanted, filter: FilterMode) -> Result<Self> {
+        let (packing, notes) = pack(scene, &wanted.textures, filter);
         let mut references = vec![NO_TEXTURE; scene.textures.len()];
         for (texture, &(array, layer)) in packing.places.iter().enumerate() {
-            if used[texture] {
+            if wanted.textures[texture] {
                 references[texture] = (layer as u32) << 8 | array as u32;
             }
         }
@@ -61,9 +115,8 @@ impl Bank {
                 members.iter().map(|&texture| texels(scene, texture, kind.size)).collect();
             let slices: Vec<&[u8]> = layers.iter().map(Vec::as_slice).collect();
             bytes += slices.iter().map(|layer| layer.len() as u64).sum::<u64>();
-            let format = if kind.srgb { Format::Rgba8Srgb } else { Format::Rgba8 };
-            let mipped = kind.sampler.mip.is_some();
-            let image = uploads.texture("texture bank", format, kind.size, &slices, mipped)?;
+            let mipped = wanted.mipped(kind);
+            let image = uploads.texture(TEXTURES, kind.format(), kind.size, &slices, mipped)?;
             arrays.push((image, kind.sampler));
         }
         let nearest = sampler(&Sampler::default(), FilterMode::File);
@@ -72,8 +125,8 @@ impl Bank {
             arrays.push((white, nearest));
         }
         let environment = match &scene.background {
-            crate::scene::Background::Environment(panorama) => panorama_image(uploads, panorama)?,
-            crate::scene::Background::Color(_) => arrays[0].clone(),
+            Background::Environment(panorama) => panorama_image(uploads, panorama)?,
+            Background::Color(_) => arrays[0].clone(),
         };
         uploads.flush()?;
         Ok(Self { arrays, references, environment, bytes, notes })

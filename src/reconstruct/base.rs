@@ -26,8 +26,8 @@ pub fn faces(
         let material = &scene.materials[object.material as usize];
         let is_blended = material.alpha_mode == AlphaMode::Blend;
         match class {
+            _ if !contains(class, is_blended, single_pass) => {}
             Class::Occluder | Class::Shadow if is_blended => blended.push(index),
-            Class::Shadow | Class::Vt if !single_pass => {}
             _ => opaque.push(((class != Class::Occluder, !material.double_sided, array(index)), index)),
         }
     }
@@ -61,6 +61,15 @@ pub fn faces(
     }
     base.vertices = leaves::base_vertices(&scene.geometry);
     base
+}
+
+/// Whether objects of a class are among them.
+pub fn contains(class: Class, blended: bool, single_pass: bool) -> bool {
+    match class {
+        Class::Occluder => true,
+        Class::Shadow => blended || single_pass,
+        Class::Vt => single_pass,
+    }
 }
 
 /// Mean of the vertices of `objects`.

@@ -47,8 +47,15 @@ mod list;
 
 pub use describe::{BaseDraw, BaseFaces, ColorPass, Drawing, PassOptions, color_passes};
 use list::LeafList;
+pub use list::list_bytes;
 
 const UPLOAD_BYTES: u64 = 16 << 20;
+
+/// Bytes of the staging buffer: as many as `fixed`, what never changes, unless leaves are uploaded frame by frame.
+pub fn staging_bytes(leaves: bool, fixed: u64) -> u64 {
+    let needed = fixed + size_of::<FrameBlock>() as u64;
+    if leaves { UPLOAD_BYTES } else { needed.next_multiple_of(16).min(UPLOAD_BYTES) }
+}
 
 /// What a pipeline is made for.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
@@ -120,7 +127,11 @@ impl Painter {
         table: &SceneTable,
         base: &BaseFaces,
     ) -> Result<Self> {
-        let mut uploads = Uploads::new(gpu, "leaf uploads", UPLOAD_BYTES)?;
+        let fixed = size_of_val(table.texels.as_slice())
+            + size_of_val(base.vertices.as_slice())
+            + size_of_val(base.leaves.as_slice());
+        let staging = staging_bytes(options.leaves, fixed as u64);
+        let mut uploads = Uploads::new(gpu, "leaf uploads", staging)?;
         let frame = DeviceBuffer::new(gpu, "frame", size_of::<FrameBlock>() as u64)?;
         let texels = uploads.buffer("scene table", &table.texels)?;
         let layouts = [
@@ -218,7 +229,7 @@ impl Painter {
         for key in &keys {
             self.pipeline(*key)?;
         }
-        if self.dynamic.is_none() {
+        if has_leaves && self.dynamic.is_none() {
             self.upload(&Drawn::blank(self.options.reconstruction))?;
         }
         self.array_set([0; 3])?;
@@ -235,13 +246,13 @@ impl Painter {
             array_sets,
             ..
         } = self;
-        let (Some(target), Some(leaves)) = (target, dynamic) else { return Ok(()) };
+        let Some(target) = target else { return Ok(()) };
         let mut recording = commands.begin()?;
         uploads.record(&mut recording);
         target.render(&mut recording, true, |draws| {
             draws.scissor([0, 0, 1, 1]);
             for (index, key) in keys.iter().enumerate() {
-                let list = if index < of_leaves { &*leaves } else { &*base };
+                let list = dynamic.as_ref().filter(|_| index < of_leaves).unwrap_or(base);
                 if let Some(pipeline) = pipelines.get(key) {
                     draws.pipeline(pipeline).set(0, scene_set).set(1, &list.set);
                     draws.set(2, &array_sets[&[0; 3]]).draw(0..3);
@@ -457,14 +468,11 @@ impl Painter {
         }
         let constants = [
             (0, self.bank.arrays()),
-            (1, u32::from(self.options.detail_textures)),
+            (1, self.options.features),
             (2, key.leaves),
             (3, key.components),
             (4, u32::from(self.options.equation == Equation::Four)),
             (5, self.options.lights),
-            (6, u32::from(self.options.highlights)),
-            (7, u32::from(self.options.emission_textures)),
-            (8, u32::from(self.options.base_textures)),
             (9, u32::from(key.mixed)),
             (10, u32::from(matches!(key.mark, Mark::Set(_)))),
         ];

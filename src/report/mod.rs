@@ -5,6 +5,7 @@ pub mod image;
 pub mod metrics;
 pub mod output;
 mod pfm;
+#[cfg(feature = "bench")]
 pub mod profile;
 pub mod stats;
 

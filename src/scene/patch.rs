@@ -16,7 +16,7 @@ pub type TargetId = u32;
 pub const ENVIRONMENT: TargetId = 0;
 
 /// All targets of a scene; [`ENVIRONMENT`] is the first.
-#[derive(Debug, Clone)]
+#[derive(Debug, Clone, Default)]
 pub struct Targets {
     /// The target of each face.
     pub of_face: Vec<TargetId>,

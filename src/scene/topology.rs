@@ -6,7 +6,7 @@
 use super::Geometry;
 
 /// Point ids of vertices; equal for vertices with bit-equal positions.
-#[derive(Debug, Clone)]
+#[derive(Debug, Clone, Default)]
 pub struct Topology {
     /// The point of each vertex. Points are numbered in order of their first vertex.
     pub point: Vec<u32>,

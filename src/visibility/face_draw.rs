@@ -63,9 +63,13 @@ impl FaceDraw {
     /// More faces than IDs; no device memory left.
     pub fn new(gpu: &Arc<Gpu>, scene: &Scene, classes: &[Class]) -> Result<Self> {
         let list = DrawList::new(scene, classes)?;
-        let mut uploads = Uploads::new(gpu, "ID buffer uploads", 8 << 20)?;
         let masked = list.batches.iter().any(|batch| batch.mask.is_some());
         let mask_vertices = if masked { mask::vertices(scene) } else { Vec::new() };
+        let bytes = size_of_val(scene.geometry.positions.as_slice())
+            + size_of_val(scene.geometry.faces.as_slice())
+            + size_of_val(list.entries.as_slice())
+            + size_of_val(mask_vertices.as_slice());
+        let mut uploads = Uploads::new(gpu, "ID buffer uploads", staging_bytes(bytes as u64))?;
         let face_layout = SetLayout::new(gpu, "ID buffer faces", &FACE_BINDINGS)?;
         let face_set = face_layout.set(
             "ID buffer faces",
@@ -138,6 +142,11 @@ impl FaceDraw {
             pass.draw(3 * batch.entries.start..3 * batch.entries.end);
         }
     }
+}
+
+/// Bytes of the staging buffer through which `bytes` are uploaded.
+pub fn staging_bytes(bytes: u64) -> u64 {
+    bytes.next_multiple_of(16).clamp(16, 8 << 20)
 }
 
 /// Faces of the objects of one class, by object.

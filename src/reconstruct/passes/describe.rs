@@ -66,19 +66,15 @@ pub struct PassOptions {
     pub equation: Equation,
     /// Coverage samples a pixel: 1 or 4.
     pub samples: u32,
-    /// Whether any material has textures beyond base colour and emission.
-    pub detail_textures: bool,
+    /// What shaders are compiled with: bits of `FEATURE_…`.
+    pub features: u32,
     /// Whether the faces without samples are drawn before the samples are known, with those that need
     /// samples among them: see [`Painter::draw_base`](super::Painter::draw_base).
     pub single_pass: bool,
+    /// Whether leaves are drawn besides faces without samples.
+    pub leaves: bool,
     /// Number of lights.
     pub lights: u32,
-    /// Whether any material shows highlights.
-    pub highlights: bool,
-    /// Whether any material has a texture on its emission.
-    pub emission_textures: bool,
-    /// Whether any material has a texture on its base colour.
-    pub base_textures: bool,
 }
 
 /// Faces that are drawn without samples, by how they are drawn.

@@ -5,6 +5,11 @@ use std::sync::Arc;
 use crate::error::Result;
 use crate::gpu::{DescriptorSet, DeviceBuffer, Gpu, Resource, SetLayout, Uploads};
 
+/// Bytes of a buffer made for `bytes`: room to grow by half without a new one.
+pub fn list_bytes(bytes: u64) -> u64 {
+    (bytes * 3 / 2).max(256).next_multiple_of(16)
+}
+
 /// A list of leaves on the device: buffers grow, and are kept from frame to frame.
 pub(super) struct LeafList {
     buffers: [DeviceBuffer; 3],
@@ -20,10 +25,8 @@ impl LeafList {
         uploads: &mut Uploads,
         data: [&[u8]; 3],
     ) -> Result<Self> {
-        // Room to grow by half without a new buffer.
         let make = |what: &str, data: &[u8]| {
-            let bytes = (data.len() as u64 * 3 / 2).max(256).next_multiple_of(16);
-            DeviceBuffer::new(gpu, &format!("{name} {what}"), bytes)
+            DeviceBuffer::new(gpu, &format!("{name} {what}"), list_bytes(data.len() as u64))
         };
         let buffers = [make("vertices", data[0])?, make("records", data[1])?, make("nodes", data[2])?];
         let set = layout.set(

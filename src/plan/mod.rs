@@ -1,0 +1,220 @@
+//! What a frame needs, decided once from scene and options, and what it leaves out.
+
+mod cost;
+mod needs;
+mod summary;
+
+pub use cost::{Cost, Resource};
+pub use summary::{Saved, Summary};
+
+use crate::constants::*;
+use crate::options::{FilterMode, Msaa, Options, Reconstruction, Shadows, Ss};
+use crate::reconstruct::bank::Wanted;
+use crate::reconstruct::passes::{ColorPass, color_passes};
+use crate::report::stats::LeftOut;
+use crate::scene::{Background, Scene, patch::Targets, topology::Topology};
+use needs::{Needs, Used};
+
+/// The stages, passes, textures and shader features of a frame.
+#[derive(Debug)]
+pub struct Plan {
+    /// Whether specular objects are traced.
+    pub specular: bool,
+    /// Whether diffuse objects are traced for their shadows.
+    pub receivers: bool,
+    /// Most specular bounces of a path.
+    pub depth: u32,
+    /// Which vertices are one point; empty if nothing is traced.
+    pub topology: Topology,
+    /// What specular paths can end on; empty if there are none.
+    pub targets: Targets,
+    /// The colour passes.
+    pub passes: Vec<ColorPass>,
+    /// Which textures are uploaded.
+    pub textures: Wanted,
+    /// What shaders are compiled with: bits of `FEATURE_…`.
+    pub features: u32,
+    /// What is not left out, in words.
+    pub used: Vec<String>,
+    /// What is left out, and why.
+    pub left_out: Vec<LeftOut>,
+    /// Whether nothing is.
+    everything: bool,
+}
+
+impl Plan {
+    /// The plan of `scene` under `options`.
+    pub fn new(scene: &Scene, options: &Options) -> Self {
+        let used = Used::of(scene, options.scene.fresnel);
+        let mut needs = Needs::new(options.everything);
+        let lit = !scene.lights.is_empty();
+
+        // Tracing.
+        let specular = needs.part(used.specular, "specular tracing", "no object is specular");
+        let shadows = lit && options.scene.shadows != Shadows::None && (used.specular || used.lit);
+        needs.part(
+            shadows,
+            "shadow rays",
+            if lit { "--shadows none or nothing lit" } else { "the scene has no light" },
+        );
+        let receivers = needs.part(
+            lit && options.scene.shadows == Shadows::All && used.lit,
+            "samples of diffuse objects",
+            match (options.scene.shadows, lit) {
+                (Shadows::All, true) => "no diffuse object is lit",
+                (Shadows::All, false) => "the scene has no light that could be hidden from them",
+                _ => "--shadows leaves their shadows out",
+            },
+        );
+        let traces = needs.part(
+            specular || receivers,
+            "bounding volume hierarchy, ID buffer, readback and refinement",
+            "nothing is traced: all objects are rasterised in the ordinary way",
+        );
+        let topology = if traces { Topology::new(&scene.geometry) } else { Topology::default() };
+        let targets = if specular { Targets::new(scene, &topology) } else { Targets::default() };
+        let recursive = needs.part(
+            !used.specular || options.paths.depth <= 1 || !needs::in_one_plane(scene),
+            "paths of more than one bounce",
+            "all specular faces lie in one plane and cannot see each other",
+        );
+        let depth = if recursive { options.paths.depth } else { 1 };
+        let pixels = !options.effort.preview && options.method.reconstruction == Reconstruction::Exact;
+        needs.option(
+            used.specular && !pixels,
+            "pixels traced one by one",
+            "--preview or --reconstruction paper",
+        );
+
+        // Specular passes; without specular objects said above already.
+        let mut absent = 0;
+        if specular {
+            for (needed, bits, what, why) in [
+                (
+                    used.reflects,
+                    REFLECTION,
+                    "reflected texture and its passes",
+                    "no specular object reflects",
+                ),
+                (
+                    used.transmits,
+                    TRANSMISSION,
+                    "transmitted texture and its passes, refraction",
+                    "no specular object transmits",
+                ),
+            ] {
+                if !needs.part(needed, what, why) {
+                    absent |= bits;
+                }
+            }
+        } else {
+            absent = REFLECTION | TRANSMISSION;
+        }
+        let passes = color_passes(options.method.mode, options.method.equation)
+            .iter()
+            .map(|pass| ColorPass { components: pass.components & !absent, ..*pass })
+            .filter(|pass| pass.components != 0)
+            .collect();
+
+        // Shader features.
+        let mut features = 0;
+        let mut feature = |needed: bool, bit: u32, what: &str, why: &str| {
+            if needs.part(needed, what, why) {
+                features |= bit;
+            }
+        };
+        for (slot, what) in needs::SLOTS.iter().enumerate() {
+            feature(used.slots >> slot & 1 == 1, 1 << slot, what, "no material in use has one that shows");
+        }
+        feature(used.emission, FEATURE_EMISSION, "emission", "no material in use emits");
+        feature(
+            lit && used.glossy,
+            FEATURE_HIGHLIGHTS,
+            "highlights",
+            "no material in use shows a highlight of a light",
+        );
+        feature(
+            !scene.geometry.colors.is_empty(),
+            FEATURE_VERTEX_COLORS,
+            "vertex colours",
+            "no mesh has any",
+        );
+        feature(used.masked, FEATURE_ALPHA_TEST, "alpha test", "no material in use has alpha mode MASK");
+        feature(
+            used.blended,
+            FEATURE_BLENDING,
+            "blending and sorting",
+            "no material in use has alpha mode BLEND",
+        );
+        if specular {
+            feature(
+                used.transmits,
+                FEATURE_TRANSMISSION,
+                "refraction in shaders",
+                "no specular object transmits",
+            );
+            feature(
+                targets.targets.iter().any(|target| target.patch.is_some()),
+                FEATURE_PATCHES,
+                "candidate patches",
+                "nothing that can be reflected is planar",
+            );
+            feature(
+                matches!(scene.background, Background::Environment(_)),
+                FEATURE_PANORAMA,
+                "panorama",
+                "no --environment surrounds the scene",
+            );
+        }
+
+        // Textures and image quality.
+        let textures = Wanted {
+            textures: used.textures.iter().map(|&used| used || options.everything).collect(),
+            all_mips: options.everything,
+        };
+        let unused = used.textures.iter().filter(|used| !**used).count();
+        if !used.textures.is_empty() {
+            let all = unused == 0 || options.everything;
+            let unused = format!("{unused} of {} textures", used.textures.len());
+            needs.part(all, if all { "all textures" } else { &unused }, "no material in use shows them");
+            let mipped = textures.of(scene).any(|(_, texture)| texture.sampler.mip.is_some());
+            let forced = options.method.filter != FilterMode::File;
+            needs.part(mipped || forced, "mip levels", "no sampler asks for them");
+        }
+        needs.option(options.method.msaa == Msaa::One, "multisampling", "--msaa 1");
+        needs.option(options.method.ss == Ss::One, "supersampling", "--ss 1");
+        Self {
+            specular,
+            receivers,
+            depth,
+            topology,
+            targets,
+            passes,
+            textures,
+            features,
+            used: needs.used,
+            left_out: needs.left_out,
+            everything: options.everything,
+        }
+    }
+
+    /// The colour passes of a frame in which only `present` components of Eq. 3 are not zero everywhere, and
+    /// the others as left out.
+    pub fn passes_for(&self, present: u32) -> (Vec<ColorPass>, Vec<LeftOut>) {
+        let adds = |pass: &&ColorPass| self.everything || pass.components & present != 0;
+        let (drawn, dropped): (Vec<&ColorPass>, _) = self.passes.iter().partition(adds);
+        let left_out = |pass: &ColorPass| LeftOut {
+            what: format!("{} pass", pass.name),
+            why: "its colours are zero at every vertex".into(),
+        };
+        (drawn.into_iter().copied().collect(), dropped.into_iter().map(left_out).collect())
+    }
+
+    /// Whether anything is traced: hierarchy, visibility, samples.
+    pub fn traces(&self) -> bool {
+        self.specular || self.receivers
+    }
+}
+
+const REFLECTION: u32 = COMPONENT_REFLECTED | COMPONENT_REFLECTED_COMB;
+const TRANSMISSION: u32 = COMPONENT_TRANSMITTED | COMPONENT_TRANSMITTED_COMB;

@@ -1,0 +1,233 @@
+//! What a plan leaves out is not there: objects, bytes, rays and passes against the same frame with everything.
+
+mod common;
+#[path = "../examples/ladder/measure.rs"]
+mod measure;
+#[path = "../examples/ladder/rungs.rs"]
+mod rungs;
+
+use common::TestGpu;
+use glam::{Vec3, vec3};
+use measure::{Counts, Taken, plain, take, take_scene};
+use rungs::Rung;
+use vertex_tracing::{
+    gpu::census::Kind,
+    options::{Mode, Options},
+    plan::{Plan, Summary},
+    report::metrics::{Encoding, compare},
+    scene::{
+        Camera, Sampler, Scene,
+        demo::{SceneBuilder, chrome, matte, shape, texture},
+    },
+};
+
+const SIZE: (u32, u32) = (96, 80);
+
+fn measured(rung: Rung, everything: bool) -> Taken {
+    let gpu = TestGpu::open();
+    let taken = take(&gpu, rung, everything, SIZE, 1).unwrap();
+    gpu.finish();
+    taken
+}
+
+/// Names of all buffers, images and pipelines that were created.
+fn names(taken: &Taken) -> Vec<&str> {
+    [Kind::Buffer, Kind::Image, Kind::Pipeline]
+        .into_iter()
+        .flat_map(|kind| taken.census.names(kind))
+        .collect()
+}
+
+fn left_out(plan: &Plan, what: &str) -> bool {
+    plan.left_out.iter().any(|left_out| left_out.what.contains(what))
+}
+
+#[test]
+fn the_ladder_costs_what_it_uses_and_looks_the_same() {
+    let mut last = Counts::default();
+    for rung in Rung::ALL {
+        let (planned, everything) = (measured(rung, false), measured(rung, true));
+        let name = rung.name();
+        println!("{name}: {:?} of {:?}", planned.counts, everything.counts);
+        let compared = compare(&everything.image, &planned.image, None, Encoding::Srgb).unwrap();
+        // A face drawn as a leaf interpolates in another order than one drawn without samples.
+        assert!(compared.max < 0.02 && compared.rmse < 1e-3, "{name}: {compared:?}");
+        let (less, more) = (planned.counts, everything.counts);
+        for (less, more) in [
+            (less.pipelines, more.pipelines),
+            (less.buffers, more.buffers),
+            (less.images, more.images),
+            (less.samplers, more.samplers),
+            (less.bytes, more.bytes),
+            (planned.rays, everything.rays),
+            (planned.samples, everything.samples),
+        ] {
+            assert!(less <= more, "{name}: {less} planned, {more} with everything");
+        }
+        let plan = Plan::new(&rung.scene().unwrap(), &rung.options(SIZE));
+        assert_eq!(plan.traces(), !rung.is_plain(), "{name}");
+        assert_eq!(planned.rays > 0, plan.traces(), "{name}");
+        if rung.is_plain() {
+            assert!(less.buffers < more.buffers && less.images < more.images && less.bytes < more.bytes);
+            assert!(planned.samples == 0 && everything.samples > 0 || rung < Rung::Lights, "{name}");
+            assert!(!names(&planned).iter().any(|name| name.contains("ID buffer")), "{:?}", names(&planned));
+            assert!(names(&everything).iter().any(|name| name.contains("ID buffer")));
+        }
+        // Apart from glass in the mirror's place, every rung needs what those below it need.
+        assert!(less.bytes >= last.bytes || rung == Rung::Glass || rung == Rung::Lights, "{name}");
+        last = less;
+    }
+}
+
+#[test]
+fn without_specular_objects_a_frame_is_plain_rasterising() {
+    for rung in Rung::ALL.into_iter().filter(|rung| rung.is_plain()) {
+        let planned = measured(rung, false);
+        let gpu = TestGpu::open();
+        let plain = plain(&gpu, rung, SIZE, 1).unwrap();
+        gpu.finish();
+        assert_eq!(planned.counts.pipelines, plain.counts.pipelines, "{}", rung.name());
+        assert_eq!(planned.counts.images, plain.counts.images);
+        assert_eq!(planned.counts.samplers, plain.counts.samplers);
+        assert!(planned.counts.buffers as f64 <= 1.1 * plain.counts.buffers as f64, "{:?}", names(&planned));
+        assert!(planned.counts.bytes as f64 <= 1.1 * plain.counts.bytes as f64, "{:?}", planned.counts);
+        assert_eq!(planned.image.pixels, plain.image.pixels);
+    }
+}
+
+#[test]
+fn the_cost_told_without_a_device_is_the_cost_on_it() {
+    for rung in Rung::ALL {
+        for everything in [false, true] {
+            let scene = rung.scene().unwrap();
+            let options = Options { everything, ..rung.options(SIZE) };
+            let cost = Plan::new(&scene, &options).cost(&scene, &options);
+            let census = measured(rung, everything).census;
+            for resource in cost.resources.iter().filter(|resource| !resource.objects.is_empty()) {
+                let bytes: u64 = resource
+                    .objects
+                    .iter()
+                    .map(|name| {
+                        census.named(Kind::Buffer, name).bytes + census.named(Kind::Image, name).bytes
+                    })
+                    .sum();
+                assert_eq!(bytes, resource.bytes, "{}, {everything}: {}", rung.name(), resource.what);
+            }
+        }
+    }
+}
+
+/// A floor, a mirror, whatever `add` adds, and a camera.
+fn scene_with(add: impl FnOnce(&mut SceneBuilder)) -> Scene {
+    let mut scene = SceneBuilder::new("scene");
+    let grey = scene.material(matte("grey").colored(Vec3::splat(0.5)));
+    scene.mesh("floor", shape::plane(vec3(-2.0, 0.0, 2.0), Vec3::X * 4.0, Vec3::NEG_Z * 4.0, 1.0), grey);
+    let metal = scene.material(chrome("metal", Vec3::splat(0.8)));
+    scene.mesh("mirror", shape::plane(vec3(-1.0, 0.0, -1.0), Vec3::X * 2.0, Vec3::Y * 2.0, 1.0), metal);
+    add(&mut scene);
+    scene.point_light(vec3(1.0, 3.0, 2.0), Vec3::splat(20.0));
+    scene.camera(Camera::look_at(vec3(0.5, 1.0, 3.0), vec3(0.0, 0.7, 0.0), 0.8));
+    scene.build().unwrap()
+}
+
+fn options() -> Options {
+    Rung::All.options(SIZE)
+}
+
+#[test]
+fn a_mirror_alone_needs_one_bounce_and_two_face_each_other() {
+    let single = scene_with(|_| {});
+    let plan = Plan::new(&single, &options());
+    assert_eq!(plan.depth, 1);
+    assert!(left_out(&plan, "more than one bounce"));
+    let facing = scene_with(|scene| {
+        let metal = scene.material(chrome("other metal", Vec3::splat(0.8)));
+        let other = shape::plane(vec3(1.0, 0.0, 2.5), Vec3::NEG_X * 2.0, Vec3::Y * 2.0, 1.0);
+        scene.mesh("other mirror", other, metal);
+    });
+    assert_eq!(Plan::new(&facing, &options()).depth, options().paths.depth);
+    let everything = Options { everything: true, ..options() };
+    assert_eq!(Plan::new(&single, &everything).depth, everything.paths.depth);
+
+    let gpu = TestGpu::open();
+    let (planned, all) = (gpu.render(&single, &options()), gpu.render(&single, &everything));
+    assert_eq!(planned.stats.rays, all.stats.rays);
+    assert_eq!(planned.image.pixels, all.image.pixels);
+    gpu.finish();
+}
+
+#[test]
+fn textures_that_nothing_shows_are_not_uploaded() {
+    let unused = scene_with(|scene| {
+        scene.texture(texture::brick(128));
+        // A texture on an emission of zero shows nothing either.
+        let emissive = Some(scene.texture(texture::wood(64)));
+        let dark =
+            scene.material(vertex_tracing::scene::Material { emissive_texture: emissive, ..matte("dark") });
+        scene.mesh("dark", shape::cuboid(vec3(1.0, 0.0, 0.0), vec3(1.2, 0.2, 0.2), 1.0), dark);
+    });
+    let plan = Plan::new(&unused, &options());
+    assert_eq!(plan.textures.textures, [false, false]);
+    assert!(left_out(&plan, "2 of 2 textures") && left_out(&plan, "emission texture"));
+    let uploaded = |everything| {
+        let gpu = TestGpu::open();
+        let options = Options { everything, ..options() };
+        let taken = take_scene(&gpu, &unused, &options, 1).unwrap();
+        gpu.finish();
+        taken.census.named(Kind::Image, "texture bank").bytes
+    };
+    assert_eq!(uploaded(false), 0);
+    let level = |edge: u64| (0..=edge.ilog2()).map(|mip| 4 * (edge >> mip) * (edge >> mip)).sum::<u64>();
+    assert_eq!(uploaded(true), level(128) + level(64), "all of them, with mip levels");
+}
+
+#[test]
+fn mips_exist_where_a_sampler_asks_for_them() {
+    for (mip, left) in [(Sampler::default().mip, false), (None, true)] {
+        let scene = scene_with(|scene| {
+            let sampler = Sampler { mip, ..Sampler::default() };
+            let slot = scene.sampled_texture(texture::brick(64), sampler, true);
+            let brick = scene.material(matte("brick").textured(slot));
+            scene.mesh("box", shape::cuboid(vec3(1.0, 0.0, 0.0), vec3(1.2, 0.2, 0.2), 1.0), brick);
+        });
+        let plan = Plan::new(&scene, &options());
+        assert_eq!(left_out(&plan, "mip levels"), left);
+        let bytes = plan.textures.bytes(&scene, options().method.filter);
+        assert_eq!(bytes > 4 * 64 * 64, !left, "{bytes}");
+    }
+}
+
+#[test]
+fn passes_of_branches_that_no_object_has_are_left_out() {
+    for (rung, absent) in [(Rung::Mirror, &["transmitted", "transmitted combined"][..]), (Rung::Glass, &[])] {
+        let scene = rung.scene().unwrap();
+        let mut options = rung.options(SIZE);
+        options.method.mode = Mode::MultiPass;
+        let summary = Summary::new(&scene, &options);
+        assert_eq!(summary.saved.passes, absent);
+        assert_eq!(summary.planned.passes.len() + absent.len(), summary.everything.passes.len());
+        let gpu = TestGpu::open();
+        let drawn = gpu.render(&scene, &options).stats.passes;
+        assert!(drawn.iter().all(|pass| summary.planned.passes.contains(&pass.name.as_str())));
+        gpu.finish();
+    }
+}
+
+#[test]
+fn the_last_rung_leaves_nothing_of_the_scene_out() {
+    let plan = Plan::new(&Rung::All.scene().unwrap(), &options());
+    let expected = [
+        "metalness and roughness texture",
+        "normal map",
+        "highlight strength texture",
+        "highlight colour texture",
+        "transmission texture",
+        "vertex colours",
+        "multisampling",
+        "supersampling",
+    ];
+    assert_eq!(plan.left_out.iter().map(|left_out| left_out.what.as_str()).collect::<Vec<_>>(), expected);
+    let everything = Plan::new(&Rung::Flat.scene().unwrap(), &Options { everything: true, ..options() });
+    let left: Vec<&str> = everything.left_out.iter().map(|left_out| left_out.what.as_str()).collect();
+    assert_eq!(left, ["multisampling", "supersampling"], "what options switch off alone");
+}
