@@ -1,12 +1,11 @@
 //! What exact reconstruction promises: closed-form coordinates through glass, the error that it predicts, no ray
 //! for anti-aliasing, no more rays than conventional tracing on dense meshes.
 
-use std::sync::Arc;
+mod common;
 
 use glam::{Vec2, Vec3, Vec4, vec3};
 use vertex_tracing::{
-    frame::{Frame, Renderer},
-    gpu::{self, Gpu, Messages},
+    frame::Frame,
     options::{Msaa, Options, Shadows, Ss},
     report::{
         FloatImage,
@@ -22,31 +21,7 @@ use vertex_tracing::{
     },
 };
 
-/// A device under validation whose messages are checked at the end.
-struct Bench {
-    gpu: Arc<Gpu>,
-    messages: Arc<Messages>,
-}
-
-impl Bench {
-    fn new() -> Self {
-        let options = gpu::Options { validation: true, ..gpu::Options::default() };
-        let gpu =
-            Gpu::new(&options).unwrap_or_else(|error| panic!("the tests need a Vulkan device: {error}"));
-        Self { messages: gpu.messages(), gpu }
-    }
-
-    fn render(&self, scene: &Scene, options: &Options) -> (Frame, View) {
-        let view = options.view.resolve(scene).unwrap();
-        (Renderer::new(&self.gpu, scene, options).unwrap().render(&view).unwrap(), view)
-    }
-
-    fn finish(self) {
-        assert_eq!(Arc::strong_count(&self.gpu), 1, "something still holds the device");
-        drop(self.gpu);
-        assert_eq!(self.messages.errors(), Vec::<String>::new());
-    }
-}
+use common::TestGpu;
 
 fn options(width: u32, height: u32) -> Options {
     let mut options = Options::default();
@@ -133,12 +108,13 @@ fn through(view: &View, x: u32, y: u32, planes: [(Vec3, f32); 2]) -> Option<(Vec
 /// Holds every pixel that sees the floor through the two planes against Snell's law; `meets` says whether the
 /// path passes both faces well inside of their borders.
 fn holds_to_snell(builder: SceneBuilder, planes: [(Vec3, f32); 2], inside: impl Fn(Vec3) -> bool) {
-    let bench = Bench::new();
+    let gpu = TestGpu::open();
     let scene = builder.build().unwrap();
     let mut options = options(160, 120);
     // Once in, once out: what is reflected inside never leaves within two bounces.
     options.paths.depth = 2;
-    let (frame, view) = bench.render(&scene, &options);
+    let frame = gpu.render(&scene, &options);
+    let view = options.view.resolve(&scene).unwrap();
     let (mut checked, mut errors) = (0, Vec::new());
     for (x, y) in (0..120).flat_map(|y| (0..160).map(move |x| (x, y))) {
         let Some((first, point, passes)) = through(&view, x, y, planes) else { continue };
@@ -154,7 +130,7 @@ fn holds_to_snell(builder: SceneBuilder, planes: [(Vec3, f32); 2], inside: impl 
     let (median, high) = (errors[checked / 2], errors[checked * 98 / 100]);
     // Halves resolve 2^-11 near 1; a texel is 1/256.
     assert!(median < 2e-3 && high < 4e-3, "coordinates are off: median {median}, 98th percentile {high}");
-    bench.finish();
+    gpu.finish();
 }
 
 #[test]
@@ -193,7 +169,7 @@ fn a_prism_turns_the_view_as_snell_says() {
 
 #[test]
 fn a_planar_mirror_of_the_floor_needs_no_refinement() {
-    let bench = Bench::new();
+    let gpu = TestGpu::open();
     let mut builder = SceneBuilder::new("mirror");
     let board = builder.texture(texture::chessboard(512));
     let floor = builder.material(matte("floor").textured(board));
@@ -207,16 +183,16 @@ fn a_planar_mirror_of_the_floor_needs_no_refinement() {
     let mut options = options(1280, 1024);
     options.scene.shadows = Shadows::None;
     options.effort.preview = true;
-    let (frame, _) = bench.render(&scene, &options);
+    let frame = gpu.render(&scene, &options);
     let psnr = over_vt(&frame, &options, &traced(&scene, &options, 1, None)).psnr.unwrap();
     assert_eq!(frame.stats.steps, 0);
     assert!(psnr > 55.0, "{psnr:.1} dB");
-    bench.finish();
+    gpu.finish();
 }
 
 #[test]
 fn dense_meshes_cost_no_more_than_conventional_tracing() {
-    let bench = Bench::new();
+    let gpu = TestGpu::open();
     // Below a pixel a face, a few pixels a face, and in between.
     for (faces, width, height) in
         [(200_000, 160, 128), (20_000, 160, 128), (8_000, 200, 160), (3_000, 160, 128)]
@@ -224,7 +200,7 @@ fn dense_meshes_cost_no_more_than_conventional_tracing() {
         let scene = stress::wavy_mirror(faces).unwrap();
         let mut options = options(width, height);
         options.scene.shadows = Shadows::Vt;
-        let (frame, _) = bench.render(&scene, &options);
+        let frame = gpu.render(&scene, &options);
         let truth = traced(&scene, &options, 1, None);
         let conventional = traced(&scene, &options, 1, Some(&truth.vt_mask)).rays.total();
         let error = over_vt(&frame, &options, &truth);
@@ -238,14 +214,14 @@ fn dense_meshes_cost_no_more_than_conventional_tracing() {
             assert!(psnr > 50.0, "{psnr:.1} dB where every pixel is traced");
         }
     }
-    bench.finish();
+    gpu.finish();
 }
 
 // Of scenes with curved mirrors. Of planar ones, hardly any error is left that could be foreseen; of glass, up to
 // three times as much is measured (docs/samples.md).
 #[test]
 fn the_error_is_predicted_within_a_factor_of_two() {
-    let bench = Bench::new();
+    let gpu = TestGpu::open();
     for demo in [Demo::Cup, Demo::CupAndGlass, Demo::PolishedTable] {
         let scene = demo.scene();
         let mut options = options(640, 512);
@@ -253,7 +229,7 @@ fn the_error_is_predicted_within_a_factor_of_two() {
         let truth = traced(&scene, &options, 1, None);
         for samples in [2_000, 6_000] {
             options.effort.max_samples = Some(samples);
-            let (frame, _) = bench.render(&scene, &options);
+            let frame = gpu.render(&scene, &options);
             let shown = |c: &[f32; 3]| Vec3::from(*c).clamp(Vec3::ZERO, Vec3::ONE);
             let squares = |(a, b): (&[f32; 3], &[f32; 3])| (shown(a) - shown(b)).length_squared() / 3.0;
             let pixels = truth.image.iter().zip(&frame.image.pixels).zip(&truth.vt_mask);
@@ -268,12 +244,12 @@ fn the_error_is_predicted_within_a_factor_of_two() {
             assert!((0.5..=2.0).contains(&ratio), "{}, {samples} samples: {ratio:.2}", demo.name());
         }
     }
-    bench.finish();
+    gpu.finish();
 }
 
 #[test]
 fn anti_aliasing_adds_no_ray() {
-    let bench = Bench::new();
+    let gpu = TestGpu::open();
     for (demo, samples) in [(Demo::Cup, 4_000), (Demo::Sphere, 4_000)] {
         let scene = demo.scene();
         let mut options = options(320, 256);
@@ -285,13 +261,13 @@ fn anti_aliasing_adds_no_ray() {
         let one =
             compare(&image(&options, &truth), &image(&options, &plain), Some(&truth.vt_mask), Encoding::Srgb);
         let one = one.unwrap().rmse;
-        let (single, _) = bench.render(&scene, &options);
+        let single = gpu.render(&scene, &options);
         let mut smooth = options.clone();
         smooth.method.ss = Ss::Four;
-        let (shaded, _) = bench.render(&scene, &smooth);
+        let shaded = gpu.render(&scene, &smooth);
         smooth.method.ss = Ss::One;
         smooth.method.msaa = Msaa::Four;
-        let (covered, _) = bench.render(&scene, &smooth);
+        let covered = gpu.render(&scene, &smooth);
         println!(
             "{}: plain {:.4}, msaa 4 {:.4}, ss 4 {:.4}, tracer at 1 spp {one:.4}",
             demo.name(),
@@ -304,5 +280,5 @@ fn anti_aliasing_adds_no_ray() {
         assert!(rmse(&shaded) < rmse(&single) && rmse(&shaded) < one);
         assert!(rmse(&covered) < rmse(&single));
     }
-    bench.finish();
+    gpu.finish();
 }
