@@ -1,6 +1,6 @@
 # make demo    renders the paper's cup, and the same by the reference tracer: out/cup.png
 # make figures the paper's figures and claims, measured here: out/figures/index.html
-# make samples docs/samples.md: samples against error, measured here; SCENES='a.glb b.glb' adds files
+# make samples samples against error, measured here: out/samples.md; SCENES='a.glb b.glb' adds files
 # make test    the whole suite, as CI runs it
 # make test-models DIR=folder   renders a folder of models and holds them against its manifest.json
 # make setup   installs what building needs (libraries by apt-get; nothing if all is there)
@@ -30,7 +30,8 @@ figures: setup
 	cargo run --release --locked --example figures -- out/figures
 
 samples: setup
-	cargo run --release --locked --example samples -- docs/samples.md $(SCENES)
+	@mkdir -p out
+	cargo run --release --locked --example samples -- out/samples.md $(SCENES)
 
 # On Mesa's software driver, whose images the tests know, unless DRIVER says otherwise; with core and
 # synchronization validation, whose errors fail a test.

@@ -70,18 +70,19 @@ fn cell(reached: Reached) -> String {
     reached.map_or("| not reached ".into(), |(samples, rays)| format!("| {samples:.0} ({rays:.0}) "))
 }
 
-/// Gain in dB at 12k samples, and paper's samples as a multiple of exact's.
+/// Gain in dB at a budget of 12k, and paper's secondary rays as a multiple of exact's: vertices alone would leave
+/// out the pixels that exact traces.
 fn gains(all: &[Measured]) -> String {
     let mut page = String::from(
-        "\n## Gain\n\n| scene | shadows | at 12k samples | fewer samples for 30 dB | for 35 dB | for 40 dB |\n|---|---|---|---|---|---|\n",
+        "\n## Gain\n\n| scene | shadows | at a budget of 12k | fewer rays for 30 dB | for 35 dB | for 40 dB |\n|---|---|---|---|---|---|\n",
     );
     for scene in all {
         let psnr = |curve: &Curve| curve.rows[1].error.psnr.unwrap_or(f64::INFINITY);
         let gain = psnr(&scene.exact) - psnr(&scene.paper);
         let _ = write!(page, "| {} | {} | {gain:+.1} dB ", scene.name, scene.shadows);
         for target in 0..TARGETS.len() {
-            let samples = |curve: &Curve| curve.targets[target].map(|(samples, _)| samples);
-            page += &match (samples(&scene.paper), samples(&scene.exact)) {
+            let rays = |curve: &Curve| curve.targets[target].map(|(_, rays)| rays);
+            page += &match (rays(&scene.paper), rays(&scene.exact)) {
                 (Some(paper), Some(exact)) => format!("| {:.1} x ", paper / exact),
                 (None, Some(_)) => "| paper never ".into(),
                 _ => "| not reached ".into(),
