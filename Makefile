@@ -1,11 +1,12 @@
 # make demo    renders the paper's cup, and the same by the reference tracer: out/cup.png
 # make figures the paper's figures and claims, measured here: out/figures/index.html
 # make bench   error against run time on demo scenes, in minutes: out/bench/cup/index.html and others
+# make samples samples against error, measured here: out/samples.md; SCENES='a.glb b.glb' adds files
 # make test    the whole suite, as CI runs it
 # make test-models DIR=folder   renders a folder of models and holds them against its manifest.json
 # make setup   installs what building needs (libraries by apt-get; nothing if all is there)
 
-.PHONY: demo figures bench test test-models setup setup-tests
+.PHONY: demo figures bench samples test test-models setup setup-tests
 .DEFAULT_GOAL := demo
 
 # Where rustup puts cargo, for shells that were not told.
@@ -38,6 +39,10 @@ bench: setup
 	target/release/examples/demo_assets out/bench $(BENCH_SCENES)
 	$(foreach scene,$(BENCH_SCENES),$(VTRACE) bench out/bench/$(scene).glb --out out/bench/$(scene) $(BENCH) \
 		$(if $(filter cup,$(scene)),--scaling) &&) true
+
+samples: setup
+	@mkdir -p out
+	cargo run --release --locked --example samples -- out/samples.md $(SCENES)
 
 # On Mesa's software driver, whose images the tests know, unless DRIVER says otherwise; with core and
 # synchronization validation, whose errors fail a test.

@@ -71,6 +71,8 @@ pub struct Step {
     pub number: u32,
     /// Vertices traced.
     pub samples: u64,
+    /// Secondary rays: reflected and transmitted ones of vertices, and all of pixels that are traced one by one.
+    pub secondary_rays: u64,
     /// Predicted RMS displacement of what is reflected, in pixels over VT pixels.
     pub predicted_error: f32,
     /// The image, linear.
@@ -233,17 +235,19 @@ impl<'s> Renderer<'s> {
                 };
                 let (painter, plan) = (&mut self.painter, &self.plan);
                 let found = finder.find(view, || painter.draw_base(&block))?;
-                let mut draw_step = |leaves: &Drawn, refiner: &Refiner, after: &mut Option<Observer>| {
-                    let Some(after) = after else { return Ok(()) };
-                    painter.upload(leaves)?;
-                    painter.draw(&block, Some(leaves), &plan.passes_for(leaves.components()).0)?;
-                    after(&Step {
-                        number: refiner.steps,
-                        samples: refiner.samples.len() as u64,
-                        predicted_error: refiner.predicted().0,
-                        image: painter.read_image()?,
-                    })
-                };
+                let mut draw_step =
+                    |leaves: &Drawn, refiner: &Refiner, pixel_rays: Rays, after: &mut Option<Observer>| {
+                        let Some(after) = after else { return Ok(()) };
+                        painter.upload(leaves)?;
+                        painter.draw(&block, Some(leaves), &plan.passes_for(leaves.components()).0)?;
+                        after(&Step {
+                            number: refiner.steps,
+                            samples: refiner.samples.traced(),
+                            secondary_rays: refiner.samples.rays.secondary() + pixel_rays.total(),
+                            predicted_error: refiner.predicted().0,
+                            image: painter.read_image()?,
+                        })
+                    };
                 let job = Job {
                     topology: &plan.topology,
                     matcher: &matcher,
@@ -255,8 +259,9 @@ impl<'s> Renderer<'s> {
                     interrupt: &self.interrupt,
                 };
                 let observed = after_step.is_some();
-                let mut observe =
-                    |leaves: &Drawn, refiner: &Refiner| draw_step(leaves, refiner, &mut after_step);
+                let mut observe = |leaves: &Drawn, refiner: &Refiner, rays: Rays| {
+                    draw_step(leaves, refiner, rays, &mut after_step)
+                };
                 let sampled = job.sample(traced, &found, &mut stats, observed.then_some(&mut observe))?;
                 (overlay, refined) = (sampled.overlay, sampled.refined);
                 stats.notes.extend(finder.note.clone());
@@ -337,7 +342,7 @@ struct Sampled {
 }
 
 /// What is shown the leaves after every step.
-type LeafObserver<'o> = &'o mut dyn FnMut(&Drawn, &Refiner) -> Result<()>;
+type LeafObserver<'o> = &'o mut dyn FnMut(&Drawn, &Refiner, Rays) -> Result<()>;
 
 impl Job<'_> {
     /// Visibility, tracing and refinement: from the view to the leaves that are drawn.
@@ -374,13 +379,13 @@ impl Job<'_> {
                 return Err(Error::Interrupted);
             }
             let Some(after_step) = &mut after_step else { return Ok(()) };
-            let (pixels, _) = pixels::trace(&context, &refiner.mesh, shown, &refiner.pixel_faces);
-            after_step(&self.assemble(refiner, &pixels), refiner)
+            let (pixels, rays) = pixels::trace(&context, &refiner.mesh, shown, &refiner.pixel_faces);
+            after_step(&self.assemble(refiner, &pixels), refiner, rays)
         };
         observe(&refiner)?;
         let stopped_by = refiner.run(&options.effort, self.started, observe)?;
         let ended = Instant::now();
-        let (predicted, _) = refiner.predicted();
+        let (predicted, predicted_rmse) = refiner.predicted();
         let refined = ms(time);
 
         let time = Instant::now();
@@ -392,7 +397,7 @@ impl Job<'_> {
         let leaves = self.assemble(&refiner, &traced_pixels);
         stats.time_ms.refine = refined - refiner.samples.time.as_secs_f64() * 1e3 + ms(time);
 
-        stats.samples = refiner.samples.len() as u64;
+        stats.samples = refiner.samples.traced();
         stats.rays = ray_stats(refiner.samples.rays, pixel_rays);
         stats.steps = u64::from(refiner.steps);
         stats.stopped_by = Some(match stopped_by {
@@ -403,6 +408,7 @@ impl Job<'_> {
             StoppedBy::Preview => stats::StoppedBy::Preview,
         });
         stats.predicted_error = Some(f64::from(predicted));
+        stats.predicted_rmse = Some(f64::from(predicted_rmse));
         stats.faces.leaves = leaves.len();
         let (defined, undefined) = leaves.defined();
         (stats.faces.defined, stats.faces.undefined) = (defined.into(), undefined.into());

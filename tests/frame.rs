@@ -202,13 +202,13 @@ fn two_facing_mirrors_show_exact_coordinates() {
 fn demos_stand_near_the_reference() {
     let gpu = TestGpu::open();
     for (demo, least) in [
-        (Demo::Cup, 44.0),
-        (Demo::Mirror, 46.0),
-        (Demo::MirrorAndWall, 38.0),
-        (Demo::Sphere, 41.0),
-        (Demo::CupAndGlass, 38.5),
-        (Demo::GlassBowl, 39.5),
-        (Demo::PolishedTable, 40.5),
+        (Demo::Cup, 50.0),
+        (Demo::Mirror, 38.5),
+        (Demo::MirrorAndWall, 37.0),
+        (Demo::Sphere, 49.0),
+        (Demo::CupAndGlass, 43.0),
+        (Demo::GlassBowl, 46.0),
+        (Demo::PolishedTable, 43.0),
     ] {
         let scene = demo.scene();
         let options = options(320, 256);

@@ -6,12 +6,13 @@ use bytemuck::{Pod, Zeroable};
 use glam::{Vec2, Vec3, Vec4};
 use half::f16;
 use rayon::prelude::*;
+use rustc_hash::{FxHashMap, FxHashSet};
 
 use super::nodes::{Corner, LeafNodes, Matcher};
 use super::table::{SceneTable, Texel, floats};
 use crate::constants::*;
 use crate::refine::mesh::Mesh;
-use crate::refine::pixels::TracedPixel;
+use crate::refine::pixels::{self, TracedPixel};
 use crate::refine::samples::Samples;
 use crate::scene::{Geometry, Scene, View};
 
@@ -166,7 +167,7 @@ pub fn assemble(
         .map(|v| GpuVertex::new(mesh.points[v.point as usize], v.normal, v.uv, v.color, v.tangent))
         .collect();
     let faces: Vec<u32> = mesh.leaves().collect();
-    let traced_faces: rustc_hash::FxHashSet<u32> = pixel_faces.iter().copied().collect();
+    let traced_faces: FxHashSet<u32> = pixel_faces.iter().copied().collect();
     let built: Vec<(GpuLeaf, LeafNodes)> = faces
         .par_iter()
         .with_min_len(64)
@@ -238,33 +239,33 @@ pub fn assemble(
     result
 }
 
-/// Radiance of the traced pixels of each traced leaf: a rectangle's corner and size, then its pixels with
-/// w = 1 where one was traced.
+/// Radiance of the traced pixels of each traced leaf: a rectangle's corner and size, then its pixels with w = 1.
+///
+/// The rectangle covers the leaf, so that sub-samples in pixels that were not traced find a colour too: that of
+/// the nearest traced pixel, of this leaf if it has any.
 fn traced_blocks(
     view: &View,
     mesh: &Mesh,
     traced: &[TracedPixel],
-    faces: &rustc_hash::FxHashSet<u32>,
-) -> rustc_hash::FxHashMap<u32, Vec<Texel>> {
-    let mut by_face: rustc_hash::FxHashMap<u32, Vec<TracedPixel>> = rustc_hash::FxHashMap::default();
-    for pixel in traced {
-        by_face.entry(pixel.face).or_default().push(*pixel);
-    }
-    debug_assert!(by_face.keys().all(|face| faces.contains(face) && mesh.faces[*face as usize].is_leaf()));
-    by_face
-        .into_iter()
-        .map(|(face, pixels)| {
-            let at = |pixel: &TracedPixel| (pixel.index % view.width, pixel.index / view.width);
-            let low = pixels.iter().map(at).fold((u32::MAX, u32::MAX), |l, p| (l.0.min(p.0), l.1.min(p.1)));
-            let high = pixels.iter().map(at).fold((0, 0), |h, p| (h.0.max(p.0), h.1.max(p.1)));
-            let (width, height) = (high.0 - low.0 + 1, high.1 - low.1 + 1);
-            let mut block = vec![[0; 4]; 1 + (width * height) as usize];
-            block[0] = [low.0, low.1, width, height];
-            for pixel in &pixels {
-                let (x, y) = at(pixel);
-                block[(1 + (y - low.1) * width + x - low.0) as usize] = floats(pixel.radiance.extend(1.0));
-            }
-            (face, block)
-        })
-        .collect()
+    faces: &FxHashSet<u32>,
+) -> FxHashMap<u32, Vec<Texel>> {
+    let by_pixel: FxHashMap<u32, &TracedPixel> = traced.iter().map(|pixel| (pixel.index, pixel)).collect();
+    let block = |&face: &u32| {
+        let [columns, rows] = pixels::bounds(mesh, view, face);
+        let cells = || rows.clone().flat_map(|y| columns.clone().map(move |x| (x, y)));
+        let near: Vec<_> =
+            cells().filter_map(|(x, y)| Some((x, y, *by_pixel.get(&(y * view.width + x))?))).collect();
+        let own = near.iter().any(|(.., pixel)| pixel.face == face);
+        let (width, height) = (columns.len() as u32, rows.len() as u32);
+        let mut block = vec![[columns.start, rows.start, width, height]];
+        for (x, y) in cells() {
+            let usable = near.iter().filter(|(.., pixel)| !own || pixel.face == face);
+            let (.., pixel) = usable.min_by_key(|(u, v, _)| u.abs_diff(x).pow(2) + v.abs_diff(y).pow(2))?;
+            block.push(floats(pixel.radiance.extend(1.0)));
+        }
+        Some((face, block))
+    };
+    let leaves: Vec<u32> =
+        faces.iter().copied().filter(|&face| mesh.faces[face as usize].is_leaf()).collect();
+    leaves.par_iter().with_min_len(64).filter_map(block).collect()
 }

@@ -101,7 +101,9 @@ impl Matcher<'_> {
                 let found = corners.map(|other| other.sample.node(node.path));
                 match found {
                     [Some(a), Some(b), Some(c)] if self.interpolates([a, b, c]) => {
-                        leaf.defined &= a.lit == b.lit && b.lit == c.lit;
+                        leaf.defined &= [(a, b), (b, c), (c, a)]
+                            .iter()
+                            .all(|(one, other)| one.target != other.target || one.lit == other.lit);
                         let weight =
                             [a, b, c].map(|n| n.radiance().max_element()).into_iter().fold(0.0, f32::max);
                         shared.push(Shared { nodes: [a, b, c], weight });

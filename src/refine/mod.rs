@@ -4,6 +4,7 @@
 //! bisected, and the new vertices traced in parallel; the result does not depend on the number of threads.
 //! Faces that are still undefined at a few pixels leave the queue: their pixels are traced one by one.
 
+pub mod dense;
 pub mod mesh;
 pub mod pixels;
 pub mod predict;
@@ -14,9 +15,9 @@ use std::cmp::Ordering;
 use std::collections::BinaryHeap;
 use std::time::{Duration, Instant};
 
-use glam::Vec3;
 use rayon::prelude::*;
 
+use self::dense::Dense;
 use self::mesh::{Mesh, Split};
 use self::pixels::Shown;
 use self::predict::{Corner, Deviation, Predictor};
@@ -26,16 +27,19 @@ use crate::options::{EffortOptions, Reconstruction};
 use crate::trace::sample::Context;
 
 /// Longest edge, in pixels, at which a face is no longer bisected.
-pub const STOP_SIZE: f32 = 3.5;
+pub const STOP_SIZE: f32 = 4.0;
 
 /// Share of the leaves that one step bisects.
 const BATCH_SHARE: usize = 8;
 const BATCH_MIN: usize = 64;
 const BATCH_MAX: usize = 4096;
 
-/// Exploration: squared error assumed of a face nothing is known of, and how it fades by level.
+/// Exploration: squared error assumed of a face that nothing is known of. It fades by level, and for large faces
+/// with the square of the pixels, below [`EXPLORE_PIXELS`]: what hides between samples is likely to be no
+/// larger than their distance.
 const EXPLORE: f32 = 0.01;
 const EXPLORE_FADE: f32 = 0.1;
+const EXPLORE_PIXELS: f32 = 3000.0;
 
 /// Longest edge, as a share of the image's longer side, of a face whose samples are trusted although nothing between them
 /// was looked at: whatever corners predict, a larger one may hide anything.
@@ -90,6 +94,8 @@ struct State {
     deviation: Deviation,
     /// Pixels that show it, estimated.
     pixels: f32,
+    /// Whether its pixels are traced one by one.
+    traced: bool,
 }
 
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -129,9 +135,20 @@ impl<'a> Refiner<'a> {
             pixel_budget_used: 0.0,
             total_pixels: 0.0,
         };
-        refiner.samples.extend(context, &refiner.mesh);
-        let faces: Vec<u32> = (0..refiner.mesh.faces.len() as u32).collect();
-        refiner.judge(&faces, |_| Deviation::default());
+        let faces = 0..refiner.mesh.faces.len() as u32;
+        // The paper knows no traced pixels.
+        let dense = match predictor.reconstruction {
+            Reconstruction::Exact => Dense::find(context, &refiner.mesh, shown),
+            Reconstruction::Paper => Dense::none(&refiner.mesh),
+        };
+        refiner.samples.extend(context, &refiner.mesh, |vertex| dense.wanted[vertex as usize]);
+        refiner.state.resize(refiner.mesh.faces.len(), State::default());
+        let (traced, others): (Vec<u32>, Vec<u32>) = faces.partition(|&face| dense.is(face));
+        for face in traced {
+            refiner.state[face as usize].pixels = dense.pixels(face);
+            refiner.trace_pixels_of(face);
+        }
+        refiner.judge(&others, |_| Deviation::default());
         refiner.total_pixels = refiner.state.iter().map(|state| state.pixels).sum();
         refiner
     }
@@ -142,11 +159,12 @@ impl<'a> Refiner<'a> {
             .par_iter()
             .with_min_len(32)
             .map(|&face| {
-                let corners = self.mesh.faces[face as usize].corners.map(|v| self.samples.get(v));
+                let corners = self.mesh.faces[face as usize].corners.map(|v| self.corner(v));
                 let own = self.predictor.face(corners, self.mesh.size(face));
                 State {
                     deviation: own.plus(inherited(face)),
                     pixels: pixels::visible(&self.mesh, self.context.view, self.shown, face),
+                    traced: false,
                 }
             })
             .collect();
@@ -154,7 +172,9 @@ impl<'a> Refiner<'a> {
         for (&face, state) in faces.iter().zip(states) {
             self.state[face as usize] = state;
             let level = i32::from(self.mesh.faces[face as usize].level);
-            let explored = if self.is_blind(face) { EXPLORE } else { EXPLORE * EXPLORE_FADE.powi(level) };
+            let large = (state.pixels / EXPLORE_PIXELS).min(1.0).powi(2);
+            let fade = if self.is_blind(face) { 1.0 } else { large.max(EXPLORE_FADE.powi(level)) };
+            let explored = EXPLORE * fade;
             let color = state.deviation.color + explored;
             if state.pixels > 0.0 && color > NEGLIGIBLE {
                 self.queue.push(Entry { priority: color * state.pixels, face });
@@ -170,7 +190,7 @@ impl<'a> Refiner<'a> {
 
     /// Samples that count against a budget: vertices, and pixels traced one by one.
     pub fn cost(&self) -> u64 {
-        self.samples.len() as u64 + self.pixel_budget_used as u64
+        self.samples.traced() + self.pixel_budget_used as u64
     }
 
     /// Predicted root mean square over the visible pixels: displacement in pixels, and linear radiance.
@@ -234,15 +254,14 @@ impl<'a> Refiner<'a> {
     fn step(&mut self, room: u64) -> bool {
         let leaves = self.mesh.faces.len() / 2 + 1;
         let batch = (leaves / BATCH_SHARE).clamp(BATCH_MIN, BATCH_MAX);
-        let vertices_before = self.mesh.vertices.len();
+        let (vertices_before, pixels_before) = (self.mesh.vertices.len(), self.pixel_budget_used);
         let mut splits: Vec<Split> = Vec::new();
         let mut popped = 0;
         let mut left_queue = false;
         while popped < batch {
             let made = self.mesh.vertices.len() - vertices_before;
-            if made as u64 + (self.pixel_budget_used as u64)
-                >= room.saturating_add(self.pixel_budget_used as u64)
-            {
+            let spent = made as u64 + (self.pixel_budget_used - pixels_before) as u64;
+            if spent >= room {
                 break;
             }
             let Some(Entry { face, .. }) = self.queue.pop() else { break };
@@ -264,7 +283,12 @@ impl<'a> Refiner<'a> {
         if splits.is_empty() && !left_queue {
             return false;
         }
-        self.samples.extend(self.context, &self.mesh);
+        self.samples.extend(self.context, &self.mesh, |_| true);
+        self.state.resize(self.mesh.faces.len(), State::default());
+        for split in &splits {
+            self.hand_down(split.face);
+        }
+        splits.retain(|split| !self.state[split.face as usize].traced);
         let edges: Vec<Deviation> =
             splits.par_iter().with_min_len(32).map(|split| self.surprise(split)).collect();
         let mut inherited = rustc_hash::FxHashMap::default();
@@ -286,23 +310,34 @@ impl<'a> Refiner<'a> {
     /// What tracing the middle of a bisected edge showed.
     fn surprise(&self, split: &Split) -> Deviation {
         let vertex = self.mesh.vertices[split.vertex as usize];
-        let corner =
-            |v: u32| Corner { sample: self.samples.get(v), distance: self.distance(self.mesh.position(v)) };
         let [a, b] = vertex.parents;
         let image = |v: u32| self.mesh.images[self.mesh.vertices[v as usize].point as usize];
         let pixels = (image(a) - image(b)).length() * self.mesh.pixels_per_unit;
-        self.predictor.edge([corner(a), corner(b)], corner(split.vertex), pixels)
+        self.predictor.edge([self.corner(a), self.corner(b)], self.corner(split.vertex), pixels)
     }
 
-    /// Distance from the eye: e of design §5, 1 for a parallel view, where e/d means 1.
-    fn distance(&self, position: Vec3) -> f32 {
-        self.context.view.distance_to(position)
+    fn corner(&self, vertex: u32) -> Corner<'_> {
+        let distance = self.context.view.distance_to(self.mesh.position(vertex));
+        let normal = self.mesh.vertices[vertex as usize].normal;
+        Corner { sample: self.samples.get(vertex), distance, normal }
     }
 
     fn trace_pixels_of(&mut self, face: u32) {
         let state = &mut self.state[face as usize];
         self.pixel_budget_used += state.pixels;
         state.deviation = Deviation::default();
+        state.traced = true;
         self.pixel_faces.push(face);
+    }
+
+    /// Where a traced face was bisected for its neighbour's sake, its halves are traced in its place.
+    fn hand_down(&mut self, face: u32) {
+        let parent = self.state[face as usize];
+        if parent.traced {
+            for child in self.mesh.faces[face as usize].children {
+                self.state[child as usize] = State { pixels: parent.pixels * 0.5, ..parent };
+                self.pixel_faces.push(child);
+            }
+        }
     }
 }

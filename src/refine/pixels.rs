@@ -1,5 +1,7 @@
 //! Pixels of refined faces: how many show a face, and tracing those that interpolation cannot serve.
 
+use std::ops::Range;
+
 use glam::{Vec2, Vec3};
 use rayon::prelude::*;
 
@@ -54,6 +56,25 @@ pub fn face_at(context: &Context, shown: Shown, classes: &[Class], x: u32, y: u3
             (classes[object as usize] != Class::Occluder).then_some(face)
         }
     }
+}
+
+/// Most pixels around a face at which it is worth counting those that show it.
+const COUNTED: u32 = 1024;
+
+/// Number of pixels that show the unrefined `face`; `None` if it reaches over too many to be counted.
+pub fn count(mesh: &Mesh, view: &View, shown: Shown, face: u32) -> Option<u32> {
+    let base = mesh.faces[face as usize].base;
+    let [columns, rows] = bounds(mesh, view, face);
+    if columns.len() as u32 * rows.len() as u32 > COUNTED {
+        return None;
+    }
+    Some(match shown {
+        Shown::Image(ids) => {
+            let shows = |y: u32| columns.clone().filter(|&x| ids.face(x, y) == Some(base)).count() as u32;
+            rows.map(shows).sum()
+        }
+        Shown::Counts(counts) => counts[base as usize],
+    })
 }
 
 /// Estimated number of pixels that show `face`: its projected area times the share of points inside it at
@@ -185,6 +206,12 @@ pub fn trace(context: &Context, mesh: &Mesh, shown: Shown, faces: &[u32]) -> (Ve
 
 /// Pixels whose centres may lie in `face`.
 fn pixels_around(mesh: &Mesh, view: &View, face: u32) -> impl Iterator<Item = (u32, u32)> + use<> {
+    let [columns, rows] = bounds(mesh, view, face);
+    rows.flat_map(move |y| columns.clone().map(move |x| (x, y)))
+}
+
+/// Columns and rows of the pixels that `face` may reach into.
+pub fn bounds(mesh: &Mesh, view: &View, face: u32) -> [Range<u32>; 2] {
     let mut low = Vec2::splat(f32::INFINITY);
     let mut high = Vec2::splat(f32::NEG_INFINITY);
     for corner in mesh.faces[face as usize].corners {
@@ -198,8 +225,7 @@ fn pixels_around(mesh: &Mesh, view: &View, face: u32) -> impl Iterator<Item = (u
         let end = if high >= 0.0 { ((high + 1.0) as u32 + 1).min(size) } else { 0 };
         first..end
     };
-    let columns = range(low.x, high.x, view.width);
-    range(low.y, high.y, view.height).flat_map(move |y| columns.clone().map(move |x| (x, y)))
+    [range(low.x, high.x, view.width), range(low.y, high.y, view.height)]
 }
 
 /// The point of base face `base` under a view ray.

@@ -51,6 +51,8 @@ pub struct Corner<'a> {
     pub sample: Sample<'a>,
     /// Its distance from the eye along the view ray: e of design §5.
     pub distance: f32,
+    /// Its shading normal, any length.
+    pub normal: Vec3,
 }
 
 /// Predicts errors for one scene, view and reconstruction.
@@ -93,9 +95,9 @@ impl Predictor<'_> {
         deviation
     }
 
-    /// e of design §5 at both ends; for a parallel view such that e/d = 1.
-    fn eye_distances(&self, ends: [Corner; 2], nodes: [&Node; 2]) -> [f32; 2] {
-        [0, 1].map(|i| if self.view.orthographic { nodes[i].to_branch } else { ends[i].distance })
+    /// e of design §5 at all corners; for a parallel view such that e/d = 1.
+    fn eye_distances<const N: usize>(&self, corners: [Corner; N], nodes: [&Node; N]) -> [f32; N] {
+        std::array::from_fn(|i| if self.view.orthographic { nodes[i].to_branch } else { corners[i].distance })
     }
 
     /// Squared colour error and squared displacement (in edge lengths) of `node` against the exact
@@ -103,14 +105,17 @@ impl Predictor<'_> {
     fn exact(&self, node: &Node, ends: [&Node; 2], distances: [f32; 2]) -> (f32, f32) {
         let structure = self.structure(node.target);
         let [a, b] = ends;
-        let lit_differs = a.lit != b.lit || a.lit != node.lit;
         if a.target != b.target || a.target != node.target {
-            return if self.nearest_candidate(ends, distances) == Some(node.target) {
-                (0.0, 0.0)
-            } else {
-                (mean_square(weight(node, structure)), 0.25)
+            let Some(end) = self.drawn_candidate(node, ends, distances) else {
+                return (mean_square(weight(node, structure)), 0.25);
             };
+            if end.lit == node.lit {
+                return (0.0, 0.0);
+            }
+            let jump = node.throughput * (node.local.textured - end.local.textured);
+            return (mean_square(jump) * structure.mean_square, 0.25);
         }
+        let lit_differs = a.lit != b.lit || a.lit != node.lit;
         let patch = self.targets.targets[node.target as usize].patch.as_ref();
         let (uv, shift) = match patch {
             // Lit per fragment, unless a shadow's border runs between the ends.
@@ -152,21 +157,43 @@ impl Predictor<'_> {
         (color, uv_shift(uv, node.uv, [a.uv, b.uv]))
     }
 
-    /// The planar target that a ray between two differing ends would be drawn with: the nearest of both.
-    fn nearest_candidate(&self, ends: [&Node; 2], distances: [f32; 2]) -> Option<TargetId> {
+    /// The end whose planar target the mean ray of two differing ends meets first, if that is the target of
+    /// `node`. After one bounce every fragment follows its own ray, and another answer is no error there; but it
+    /// says that the border is curved, and that part of it may hide in faces beside it whose corners all see one
+    /// target.
+    fn drawn_candidate<'n>(&self, node: &Node, ends: [&'n Node; 2], distances: [f32; 2]) -> Option<&'n Node> {
         if !self.are_candidates(ends.into_iter()) {
             return None;
         }
-        let (origin, direction) = mean_ray(ends, distances);
-        let mut nearest: Option<(f32, TargetId)> = None;
-        for end in ends {
-            let patch = self.targets.targets[end.target as usize].patch.as_ref()?;
+        let drawn = self.nearest_candidate(&ends, mean_ray(ends, distances));
+        drawn.filter(|end| end.target == node.target)
+    }
+
+    /// The node among `candidates` whose patch `ray` meets nearest, inside of its outline.
+    fn nearest_candidate<'n>(&self, candidates: &[&'n Node], ray: (Vec3, Vec3)) -> Option<&'n Node> {
+        let (origin, direction) = ray;
+        let distance = |node: &Node| {
+            let patch = self.targets.targets[node.target as usize].patch.as_ref()?;
             let s = patch.intersect(origin, direction);
-            if s > 0.0 && patch.contains(origin + direction * s) && nearest.is_none_or(|(t, _)| s < t) {
-                nearest = Some((s, end.target));
+            (s > 0.0 && patch.contains(origin + direction * s)).then_some(s)
+        };
+        let hits = candidates.iter().filter_map(|&node| Some((distance(node)?, node)));
+        hits.min_by(|a, b| a.0.total_cmp(&b.0)).map(|(_, node)| node)
+    }
+
+    /// Share of a face, 0 to 1, at which its rays meet none of the patches that its corners see.
+    fn uncovered(&self, nodes: [&Node; 3], distances: [f32; 3]) -> f32 {
+        const SIDE: u32 = 5;
+        let (mut missed, mut all) = (0, 0);
+        for (i, j) in (0..=SIDE).flat_map(|i| (0..=SIDE - i).map(move |j| (i, j))) {
+            let b = [i, j, SIDE - i - j].map(|share| share as f32 / SIDE as f32);
+            if b.contains(&1.0) {
+                continue;
             }
+            all += 1;
+            missed += u32::from(self.nearest_candidate(&nodes, blended_ray(nodes, distances, b)).is_none());
         }
-        nearest.map(|(_, target)| target)
+        missed as f32 / all as f32
     }
 
     /// Whether differing targets of one path can be told apart per fragment: planar, outlined, diffuse.
@@ -178,18 +205,19 @@ impl Predictor<'_> {
     }
 
     /// What the corners of a face do not share; `size` is the face's longest edge in pixels.
-    pub fn face(&self, corners: [Sample; 3], size: f32) -> Deviation {
+    pub fn face(&self, corners: [Corner; 3], size: f32) -> Deviation {
         let mut deviation = Deviation::default();
+        let samples = corners.map(|corner| corner.sample);
         let total =
-            corners.iter().map(|&corner| total_contribution(corner)).fold(f32::MIN_POSITIVE, f32::max);
-        for (index, corner) in corners.iter().enumerate() {
-            for node in corner.nodes {
-                if corners[..index].iter().any(|earlier| earlier.node(node.path).is_some()) {
+            samples.iter().map(|&sample| total_contribution(sample)).fold(f32::MIN_POSITIVE, f32::max);
+        for (index, sample) in samples.iter().enumerate() {
+            for node in sample.nodes {
+                if samples[..index].iter().any(|earlier| earlier.node(node.path).is_some()) {
                     continue; // judged at the first corner that has the path
                 }
-                let found = corners.map(|other| other.node(node.path));
+                let found = samples.map(|other| other.node(node.path));
                 let loss = match found {
-                    [Some(a), Some(b), Some(c)] => self.mismatch([a, b, c]),
+                    [Some(a), Some(b), Some(c)] => self.mismatch(corners, [a, b, c]),
                     _ => Some(contribution_of(&found, self)),
                 };
                 if let Some(square) = loss {
@@ -198,7 +226,7 @@ impl Predictor<'_> {
                 }
             }
         }
-        let [a, b, c] = corners.map(|corner| corner.primary);
+        let [a, b, c] = samples.map(|sample| sample.primary);
         if a.lit != b.lit || a.lit != c.lit {
             let [a, b, c] = [a, b, c].map(|primary| primary.local.textured + primary.local.added);
             let jump = mean_square(a - b).max(mean_square(b - c)).max(mean_square(c - a));
@@ -209,19 +237,26 @@ impl Predictor<'_> {
     }
 
     /// Squared contribution that is not interpolated although all three corners have the path.
-    fn mismatch(&self, nodes: [&Node; 3]) -> Option<f32> {
+    fn mismatch(&self, corners: [Corner; 3], nodes: [&Node; 3]) -> Option<f32> {
         let [a, b, c] = nodes;
         let same_target = a.target == b.target && b.target == c.target;
-        let interpolates = same_target
-            || self.reconstruction == Reconstruction::Exact && self.are_candidates(nodes.into_iter());
-        if !interpolates {
-            return Some(contribution_of(&nodes.map(Some), self));
+        let whole = || contribution_of(&nodes.map(Some), self);
+        let mut loss = 0.0_f32;
+        if !same_target {
+            if self.reconstruction == Reconstruction::Paper || !self.are_candidates(nodes.into_iter()) {
+                return Some(whole());
+            }
+            // Where the surface is curved, the border bulges into faces beside it whose corners see one target.
+            let missed = self.uncovered(nodes, self.eye_distances(corners, nodes)) / UNMATCHED;
+            loss = (missed + curvature(corners)) * whole();
         }
-        if a.lit != b.lit || b.lit != c.lit {
-            let [a, b, c] = nodes.map(|node| node.throughput * node.local.textured);
-            return Some(mean_square(a - b).max(mean_square(b - c)).max(mean_square(c - a)));
+        for (one, other) in [(a, b), (b, c), (c, a)] {
+            if one.target == other.target && one.lit != other.lit {
+                let jump = one.throughput * one.local.textured - other.throughput * other.local.textured;
+                loss = loss.max(mean_square(jump));
+            }
         }
-        None
+        (loss > 0.0).then_some(loss)
     }
 
     fn structure(&self, target: TargetId) -> &Structure {
@@ -236,11 +271,19 @@ impl Predictor<'_> {
 
 /// The ray of design §5 rule 2 between two ends with equal weights: β_i ∝ e_i / d_i.
 fn mean_ray(ends: [&Node; 2], distances: [f32; 2]) -> (Vec3, Vec3) {
-    let w = [0, 1].map(|i| distances[i] / ends[i].to_branch);
-    let sum = w[0] + w[1];
-    let origin = (ends[0].origin * w[0] + ends[1].origin * w[1]) / sum;
-    let direction = (ends[0].direction * distances[0] + ends[1].direction * distances[1]) / sum;
-    (origin, direction)
+    blended_ray(ends, distances, [0.5; 2])
+}
+
+/// The same with weights `b`.
+fn blended_ray<const N: usize>(nodes: [&Node; N], distances: [f32; N], b: [f32; N]) -> (Vec3, Vec3) {
+    let (mut origin, mut direction, mut sum) = (Vec3::ZERO, Vec3::ZERO, 0.0);
+    for i in 0..N {
+        let w = b[i] * distances[i] / nodes[i].to_branch;
+        origin += nodes[i].origin * w;
+        direction += nodes[i].direction * (b[i] * distances[i]);
+        sum += w;
+    }
+    (origin / sum, direction / sum)
 }
 
 fn bundle(patch: &Patch, ends: [&Node; 2], distances: [f32; 2]) -> Option<Vec3> {
@@ -267,6 +310,12 @@ fn throughput_added(ends: [&Node; 2]) -> Vec3 {
     (ends[0].throughput * ends[0].local.added + ends[1].throughput * ends[1].local.added) * 0.5
 }
 
+/// Largest angle between the normals of two corners in radians, about, at most 1.
+fn curvature(corners: [Corner; 3]) -> f32 {
+    let [a, b, c] = corners.map(|corner| corner.normal.normalize_or_zero());
+    (a - b).length().max((b - c).length()).max((c - a).length()).min(1.0)
+}
+
 /// Radiance that a node would show with the mean texel.
 fn weight(node: &Node, structure: &Structure) -> Vec3 {
     node.throughput * (node.local.textured * structure.mean_square.sqrt() + node.local.added)
@@ -288,7 +337,9 @@ fn total_contribution(sample: Sample) -> f32 {
     (primary + nodes).max(f32::MIN_POSITIVE)
 }
 
+/// Mean over the channels of the square, no channel above 1: what lies beyond white is not seen, and a highlight's
+/// peak would draw all samples to itself.
 fn mean_square(color: Vec3) -> f32 {
-    let square = color.length_squared() / 3.0;
-    if square.is_finite() { square } else { f32::MAX }
+    let square = color.min(Vec3::ONE).max(Vec3::NEG_ONE).length_squared() / 3.0;
+    if square.is_finite() { square } else { 1.0 }
 }

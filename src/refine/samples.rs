@@ -20,6 +20,8 @@ pub struct Samples {
     nodes: Vec<Node>,
     ranges: Vec<Range<u32>>,
     primary: Vec<Primary>,
+    /// Vertices that were passed over: all their faces are traced pixel by pixel.
+    skipped: u64,
     /// Rays traced for them.
     pub rays: Rays,
     /// Time spent tracing.
@@ -44,11 +46,16 @@ impl<'a> Sample<'a> {
 
 impl Samples {
     /// Number of vertices traced.
+    pub fn traced(&self) -> u64 {
+        self.len() as u64 - self.skipped
+    }
+
+    /// Number of vertices that have an entry, traced or passed over.
     pub fn len(&self) -> usize {
         self.primary.len()
     }
 
-    /// Whether none was traced.
+    /// Whether there is no entry.
     pub fn is_empty(&self) -> bool {
         self.primary.is_empty()
     }
@@ -59,18 +66,25 @@ impl Samples {
         Sample { nodes: &self.nodes[start as usize..end as usize], primary: &self.primary[vertex as usize] }
     }
 
-    /// Traces all vertices of `mesh` that were not traced before. The result does not depend on the number
-    /// of threads.
-    pub fn extend(&mut self, context: &Context, mesh: &Mesh) {
+    /// Traces all vertices of `mesh` that have no entry yet and that `wanted` says are wanted; the others are
+    /// entered without nodes. The result does not depend on the number of threads.
+    pub fn extend(&mut self, context: &Context, mesh: &Mesh, wanted: impl Fn(u32) -> bool + Sync) {
         let started = Instant::now();
         let from = self.len();
         let traced: Vec<_> = mesh.vertices[from..]
             .par_chunks(CHUNK)
-            .map(|vertices| {
-                let (mut nodes, mut rays) = (Vec::new(), Rays::default());
+            .enumerate()
+            .map(|(chunk, vertices)| {
+                let (mut nodes, mut rays, mut skipped) = (Vec::new(), Rays::default(), 0);
+                let first = (from + chunk * CHUNK) as u32;
                 let samples: Vec<(Primary, u32)> = vertices
                     .iter()
-                    .map(|vertex| {
+                    .zip(first..)
+                    .map(|(vertex, index)| {
+                        if !wanted(index) {
+                            skipped += 1;
+                            return (Primary::default(), nodes.len() as u32);
+                        }
                         let start = Start {
                             position: mesh.points[vertex.point as usize],
                             normal: vertex.normal,
@@ -84,10 +98,11 @@ impl Samples {
                         (primary, nodes.len() as u32)
                     })
                     .collect();
-                (nodes, samples, rays)
+                (nodes, samples, rays, skipped)
             })
             .collect();
-        for (nodes, samples, rays) in traced {
+        for (nodes, samples, rays, skipped) in traced {
+            self.skipped += skipped;
             let offset = self.nodes.len() as u32;
             let mut start = offset;
             for (primary, end) in samples {

@@ -30,6 +30,8 @@ pub struct Stats {
     pub stopped_by: Option<StoppedBy>,
     /// Predicted RMS displacement of what is reflected, in pixels over VT pixels.
     pub predicted_error: Option<f64>,
+    /// Predicted root mean square error of linear radiance over the pixels of refined faces.
+    pub predicted_rmse: Option<f64>,
     /// Colour draws of the reconstruction, in order.
     pub passes: Vec<Pass>,
     /// Wall times.

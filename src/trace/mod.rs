@@ -74,6 +74,11 @@ pub struct Rays {
 }
 
 impl Rays {
+    /// Rays that were reflected or transmitted.
+    pub fn secondary(&self) -> u64 {
+        self.reflected + self.transmitted
+    }
+
     /// Rays of all kinds.
     pub fn total(&self) -> u64 {
         self.primary + self.reflected + self.transmitted + self.shadow

@@ -1,0 +1,284 @@
+//! What exact reconstruction promises: closed-form coordinates through glass, the error that it predicts, no ray
+//! for anti-aliasing, no more rays than conventional tracing on dense meshes.
+
+mod common;
+
+use glam::{Vec2, Vec3, Vec4, vec3};
+use vertex_tracing::{
+    frame::Frame,
+    options::{Msaa, Options, Shadows, Ss},
+    report::{
+        FloatImage,
+        metrics::{Comparison, Encoding, compare},
+    },
+    scene::{
+        Camera, Image, Material, Sampler, Scene, View, Volume, Wrap,
+        demo::{Demo, SceneBuilder, chrome, glass, matte, shape, stress, texture},
+    },
+    trace::{
+        Settings, Tracer,
+        reference::{self, Reference},
+    },
+};
+
+use common::TestGpu;
+
+fn options(width: u32, height: u32) -> Options {
+    let mut options = Options::default();
+    (options.view.width, options.view.height) = (width, height);
+    options
+}
+
+/// The view by the reference tracer, of the pixels that `only` marks.
+fn traced(scene: &Scene, options: &Options, spp: u32, only: Option<&[bool]>) -> Reference {
+    let view = options.view.resolve(scene).unwrap();
+    let settings = Settings::new(&options.paths, &options.scene);
+    reference::render(&Tracer::new(scene), &view, &settings, spp, only, &Default::default(), &|_| {}).unwrap()
+}
+
+fn image(options: &Options, reference: &Reference) -> FloatImage {
+    let (width, height) = (options.view.width, options.view.height);
+    FloatImage { width, height, pixels: reference.image.clone() }
+}
+
+fn over_vt(frame: &Frame, options: &Options, truth: &Reference) -> Comparison {
+    compare(&image(options, truth), &frame.image, Some(&truth.vt_mask), Encoding::Srgb).unwrap()
+}
+
+/// A floor, 8 × 8 around the origin, that glows in the colour of its own coordinates.
+fn glowing_floor(builder: &mut SceneBuilder) {
+    const SIZE: u32 = 256;
+    let texel = |i: u32| [(i % SIZE) as u8, (i / SIZE) as u8, 0, 255];
+    let rgba: Vec<u8> = (0..SIZE * SIZE).flat_map(texel).collect();
+    let image = Image { name: "coordinates".into(), width: SIZE, height: SIZE, rgba: rgba.into() };
+    let clamped = Sampler { wrap_u: Wrap::Clamp, wrap_v: Wrap::Clamp, mip: None, ..Sampler::default() };
+    let slot = builder.sampled_texture(image, clamped, false);
+    let floor =
+        builder.material(Material { base_color_texture: Some(slot), unlit: true, ..matte("coordinates") });
+    builder.mesh("floor", shape::plane(vec3(-4.0, 0.0, 4.0), Vec3::X * 8.0, Vec3::NEG_Z * 8.0, 8.0), floor);
+}
+
+/// Coordinates that the floor shows at a point of it.
+fn floor_uv(point: Vec3) -> Vec2 {
+    Vec2::new((point.x + 4.0) / 8.0, (point.z + 4.0) / 8.0)
+}
+
+/// Coordinates back from a colour of the glowing floor. Texel i is i/255 at (i + 0.5)/256.
+fn shown_uv(color: Vec3) -> Vec2 {
+    Vec2::new(color.x * 255.0 + 0.5, color.y * 255.0 + 0.5) / 256.0
+}
+
+const IOR: f32 = 1.5;
+
+/// Clear glass that absorbs nothing.
+fn clear() -> Material {
+    Material {
+        volume: Some(Volume { attenuation_color: Vec3::ONE, attenuation_distance: f32::INFINITY }),
+        base_color: Vec4::ONE,
+        ..glass("clear", IOR)
+    }
+}
+
+/// Snell's law for a unit direction against a unit normal on the ray's side, and the share that passes.
+fn refract(d: Vec3, n: Vec3, from: f32, to: f32) -> Option<(Vec3, f32)> {
+    let eta = from / to;
+    let cos_in = -d.dot(n);
+    let square = 1.0 - eta * eta * (1.0 - cos_in * cos_in);
+    if square <= 0.0 {
+        return None;
+    }
+    let cos_out = square.sqrt();
+    let s = (from * cos_in - to * cos_out) / (from * cos_in + to * cos_out);
+    let p = (from * cos_out - to * cos_in) / (from * cos_out + to * cos_in);
+    Some((d * eta + n * (eta * cos_in - cos_out), 1.0 - 0.5 * (s * s + p * p)))
+}
+
+/// Floor coordinates behind two glass planes (unit normal towards the eye, distance from the origin), by Snell's
+/// law at each, and the share of light that passes both. Reflection inside adds nothing: it meets black.
+fn through(view: &View, x: u32, y: u32, planes: [(Vec3, f32); 2]) -> Option<(Vec3, Vec3, f32)> {
+    let (origin, direction) = view.ray(Vec2::new(x as f32, y as f32) + 0.5);
+    let hit = |o: Vec3, d: Vec3, (n, k): (Vec3, f32)| o + d * ((k - n.dot(o)) / n.dot(d));
+    let first = hit(origin, direction, planes[0]);
+    let (inside, enters) = refract(direction, planes[0].0, 1.0, IOR)?;
+    let second = hit(first, inside, planes[1]);
+    let (out, leaves) = refract(inside, planes[1].0, IOR, 1.0)?;
+    (out.y < -1e-3).then(|| (first, second - out * (second.y / out.y), enters * leaves))
+}
+
+/// Holds every pixel that sees the floor through the two planes against Snell's law; `meets` says whether the
+/// path passes both faces well inside of their borders.
+fn holds_to_snell(builder: SceneBuilder, planes: [(Vec3, f32); 2], inside: impl Fn(Vec3) -> bool) {
+    let gpu = TestGpu::open();
+    let scene = builder.build().unwrap();
+    let mut options = options(160, 120);
+    // Once in, once out: what is reflected inside never leaves within two bounces.
+    options.paths.depth = 2;
+    let frame = gpu.render(&scene, &options);
+    let view = options.view.resolve(&scene).unwrap();
+    let (mut checked, mut errors) = (0, Vec::new());
+    for (x, y) in (0..120).flat_map(|y| (0..160).map(move |x| (x, y))) {
+        let Some((first, point, passes)) = through(&view, x, y, planes) else { continue };
+        if !inside(first) || point.x.abs() > 3.8 || point.z.abs() > 3.8 {
+            continue;
+        }
+        let color = Vec3::from(frame.image.pixels[(y * 160 + x) as usize]) / passes;
+        errors.push((shown_uv(color) - floor_uv(point)).abs().max_element());
+        checked += 1;
+    }
+    errors.sort_by(f32::total_cmp);
+    assert!(checked > 1500, "{checked} pixels show the floor through the glass");
+    let (median, high) = (errors[checked / 2], errors[checked * 98 / 100]);
+    // Halves resolve 2^-11 near 1; a texel is 1/256.
+    assert!(median < 2e-3 && high < 4e-3, "coordinates are off: median {median}, 98th percentile {high}");
+    gpu.finish();
+}
+
+#[test]
+fn a_glass_slab_shifts_the_floor_as_snell_says() {
+    let mut builder = SceneBuilder::new("slab");
+    glowing_floor(&mut builder);
+    let clear = builder.material(clear());
+    builder.mesh("slab", shape::cuboid(vec3(-2.0, 1.0, -2.0), vec3(2.0, 1.5, 2.0), 1.0), clear);
+    builder.camera(Camera::look_at(vec3(0.3, 5.0, 2.0), vec3(0.0, 1.0, 0.0), 0.5));
+    let planes = [(Vec3::Y, 1.5), (Vec3::Y, 1.0)];
+    holds_to_snell(builder, planes, |first| first.x.abs() < 1.5 && first.z.abs() < 1.3);
+}
+
+#[test]
+fn a_prism_turns_the_view_as_snell_says() {
+    let mut builder = SceneBuilder::new("prism");
+    glowing_floor(&mut builder);
+    let clear = builder.material(clear());
+    // A wedge: the cuboid's upper side leans by 10 degrees.
+    let (sin, cos) = 10_f32.to_radians().sin_cos();
+    let mut wedge = shape::cuboid(vec3(-2.0, 1.0, -2.0), vec3(2.0, 1.5, 2.0), 1.0);
+    let leaning = vec3(sin, cos, 0.0);
+    for (position, normal) in wedge.positions.iter_mut().zip(&mut wedge.normals) {
+        if position.y > 1.2 {
+            position.y -= position.x * sin / cos;
+        }
+        if normal.y > 0.5 {
+            *normal = leaning;
+        }
+    }
+    builder.mesh("prism", wedge, clear);
+    builder.camera(Camera::look_at(vec3(0.3, 5.0, 2.0), vec3(0.0, 1.0, 0.0), 0.5));
+    let planes = [(leaning, 1.5 * cos), (Vec3::Y, 1.0)];
+    holds_to_snell(builder, planes, |first| first.x.abs() < 1.4 && first.z.abs() < 1.3);
+}
+
+#[test]
+fn a_planar_mirror_of_the_floor_needs_no_refinement() {
+    let gpu = TestGpu::open();
+    let mut builder = SceneBuilder::new("mirror");
+    let board = builder.texture(texture::chessboard(512));
+    let floor = builder.material(matte("floor").textured(board));
+    let silver = builder.material(chrome("silver", Vec3::splat(0.9)));
+    builder.mesh("floor", shape::plane(vec3(-4.0, 0.0, 4.0), Vec3::X * 8.0, Vec3::NEG_Z * 8.0, 6.0), floor);
+    builder.mesh("mirror", shape::plane(vec3(-1.5, 0.2, -1.0), Vec3::X * 3.0, Vec3::Y, 3.0), silver);
+    builder.point_light(vec3(1.0, 4.0, 2.0), Vec3::splat(60.0));
+    builder.camera(Camera::look_at(vec3(0.3, 3.0, 3.0), vec3(0.0, 0.7, -1.0), 0.6));
+    let scene = builder.build().unwrap();
+    // Near enough that no texture is minified: the tracer reads the finest level alone.
+    let mut options = options(1280, 1024);
+    options.scene.shadows = Shadows::None;
+    options.effort.preview = true;
+    let frame = gpu.render(&scene, &options);
+    let psnr = over_vt(&frame, &options, &traced(&scene, &options, 1, None)).psnr.unwrap();
+    assert_eq!(frame.stats.steps, 0);
+    assert!(psnr > 55.0, "{psnr:.1} dB");
+    gpu.finish();
+}
+
+#[test]
+fn dense_meshes_cost_no_more_than_conventional_tracing() {
+    let gpu = TestGpu::open();
+    // Below a pixel a face, a few pixels a face, and in between.
+    for (faces, width, height) in
+        [(200_000, 160, 128), (20_000, 160, 128), (8_000, 200, 160), (3_000, 160, 128)]
+    {
+        let scene = stress::wavy_mirror(faces).unwrap();
+        let mut options = options(width, height);
+        options.scene.shadows = Shadows::Vt;
+        let frame = gpu.render(&scene, &options);
+        let truth = traced(&scene, &options, 1, None);
+        let conventional = traced(&scene, &options, 1, Some(&truth.vt_mask)).rays.total();
+        let error = over_vt(&frame, &options, &truth);
+        let (rays, psnr) = (frame.stats.rays.total, error.psnr.unwrap_or(99.0));
+        println!("{faces} faces, {width}x{height}: {rays} rays, conventional {conventional}, {psnr:.1} dB");
+        assert!(
+            rays as f64 <= 1.2 * conventional as f64,
+            "{faces} faces: {rays} rays, {conventional} would do"
+        );
+        if faces == 200_000 {
+            assert!(psnr > 50.0, "{psnr:.1} dB where every pixel is traced");
+        }
+    }
+    gpu.finish();
+}
+
+// Of scenes with curved mirrors. Of planar ones, hardly any error is left that could be foreseen; of glass, up to
+// three times as much is measured (docs/samples.md).
+#[test]
+fn the_error_is_predicted_within_a_factor_of_two() {
+    let gpu = TestGpu::open();
+    for demo in [Demo::Cup, Demo::CupAndGlass, Demo::PolishedTable] {
+        let scene = demo.scene();
+        let mut options = options(640, 512);
+        options.scene.shadows = Shadows::None;
+        let truth = traced(&scene, &options, 1, None);
+        for samples in [2_000, 6_000] {
+            options.effort.max_samples = Some(samples);
+            let frame = gpu.render(&scene, &options);
+            let shown = |c: &[f32; 3]| Vec3::from(*c).clamp(Vec3::ZERO, Vec3::ONE);
+            let squares = |(a, b): (&[f32; 3], &[f32; 3])| (shown(a) - shown(b)).length_squared() / 3.0;
+            let pixels = truth.image.iter().zip(&frame.image.pixels).zip(&truth.vt_mask);
+            let sum: f32 = pixels.filter(|(_, vt)| **vt).map(|(pair, _)| squares(pair)).sum();
+            let measured = f64::from(sum / frame.stats.image.vt_pixels as f32).sqrt();
+            let predicted = frame.stats.predicted_rmse.unwrap();
+            let ratio = predicted / measured;
+            println!(
+                "{} {samples}: predicted {predicted:.4}, measured {measured:.4}, {ratio:.2}",
+                demo.name()
+            );
+            assert!((0.5..=2.0).contains(&ratio), "{}, {samples} samples: {ratio:.2}", demo.name());
+        }
+    }
+    gpu.finish();
+}
+
+#[test]
+fn anti_aliasing_adds_no_ray() {
+    let gpu = TestGpu::open();
+    for (demo, samples) in [(Demo::Cup, 4_000), (Demo::Sphere, 4_000)] {
+        let scene = demo.scene();
+        let mut options = options(320, 256);
+        options.scene.shadows = Shadows::None;
+        options.effort.max_samples = Some(samples);
+        let truth = traced(&scene, &options, 64, None);
+        let plain = traced(&scene, &options, 1, Some(&truth.vt_mask));
+        let rmse = |frame: &Frame| over_vt(frame, &options, &truth).rmse;
+        let one =
+            compare(&image(&options, &truth), &image(&options, &plain), Some(&truth.vt_mask), Encoding::Srgb);
+        let one = one.unwrap().rmse;
+        let single = gpu.render(&scene, &options);
+        let mut smooth = options.clone();
+        smooth.method.ss = Ss::Four;
+        let shaded = gpu.render(&scene, &smooth);
+        smooth.method.ss = Ss::One;
+        smooth.method.msaa = Msaa::Four;
+        let covered = gpu.render(&scene, &smooth);
+        println!(
+            "{}: plain {:.4}, msaa 4 {:.4}, ss 4 {:.4}, tracer at 1 spp {one:.4}",
+            demo.name(),
+            rmse(&single),
+            rmse(&covered),
+            rmse(&shaded)
+        );
+        assert_eq!(single.stats.rays, covered.stats.rays, "--msaa 4 traced rays");
+        assert_eq!(single.stats.rays, shaded.stats.rays, "--ss 4 traced rays");
+        assert!(rmse(&shaded) < rmse(&single) && rmse(&shaded) < one);
+        assert!(rmse(&covered) < rmse(&single));
+    }
+    gpu.finish();
+}
