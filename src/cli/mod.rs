@@ -15,6 +15,8 @@ pub mod render;
 mod scene;
 mod terminal;
 pub mod values;
+#[cfg(feature = "view")]
+pub mod view;
 
 use std::process::ExitCode;
 
@@ -40,6 +42,8 @@ enum Command {
     #[cfg(feature = "bench")]
     Profile(profile::ProfileArgs),
     Plan(Box<plan::PlanArgs>),
+    #[cfg(feature = "view")]
+    View(Box<view::ViewerArgs>),
 }
 
 /// Why a command did not do its work.
@@ -85,6 +89,8 @@ pub fn main() -> ExitCode {
             #[cfg(feature = "bench")]
             Command::Profile(args) => profile::run(&args)?,
             Command::Plan(args) => plan::run(&args)?,
+            #[cfg(feature = "view")]
+            Command::View(args) => view::run(&args)?,
         }
         Ok(())
     });
