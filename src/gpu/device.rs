@@ -45,6 +45,10 @@ pub enum Fault {
     OutOfDeviceMemory,
     /// The device was reset or taken away.
     DeviceLost,
+    /// The window changed since its swapchain was made.
+    OutOfDate,
+    /// The window's surface is no more.
+    SurfaceLost,
 }
 
 /// An open Vulkan device with one queue. Every resource holds it by `Arc`, so it ends last.
@@ -213,6 +217,8 @@ impl Gpu {
         let code = match fault {
             Fault::OutOfDeviceMemory => vk::Result::ERROR_OUT_OF_DEVICE_MEMORY,
             Fault::DeviceLost => vk::Result::ERROR_DEVICE_LOST,
+            Fault::OutOfDate => vk::Result::ERROR_OUT_OF_DATE_KHR,
+            Fault::SurfaceLost => vk::Result::ERROR_SURFACE_LOST_KHR,
         };
         lock(&self.faults).push((call, code));
     }

@@ -31,14 +31,13 @@ pub struct Orbit {
 }
 
 impl Orbit {
-    /// Takes over from `view` of a scene inside the box `bounds` around the world point `origin`.
+    /// Takes over from `view` of a scene `size` across, whose coordinates are relative to the world point `origin`.
     ///
-    /// The pivot is the point on the line of sight nearest to the scene's centre. A parallel view becomes a
+    /// The pivot is the point on the line of sight nearest to `focus`. A parallel view becomes a
     /// perspective one that shows the pivot at the same size; a rolled one turns upright.
-    pub fn from_view(view: &View, bounds: (Vec3, Vec3), origin: DVec3) -> Self {
-        let centre = (bounds.0 + bounds.1) * 0.5;
-        let size = (bounds.1 - bounds.0).length().max(f32::MIN_POSITIVE);
-        let along = (centre - view.eye).dot(view.forward);
+    pub fn from_view(view: &View, focus: Vec3, size: f32, origin: DVec3) -> Self {
+        let size = size.max(f32::MIN_POSITIVE);
+        let along = (focus - view.eye).dot(view.forward);
         let along = if along > size * 1e-3 { along } else { size * 0.5 };
         let target = view.eye + view.forward * along;
         let (eye, fov) = if view.orthographic {
@@ -176,7 +175,7 @@ mod tests {
         let camera = Camera::look_at(Vec3::new(1.0, 2.0, 3.0), Vec3::new(0.2, 0.0, 0.0), 0.6);
         let bounds = (Vec3::splat(-1.0), Vec3::splat(1.0));
         let view = View::new(&camera, 320, 200, bounds);
-        let orbit = Orbit::from_view(&view, bounds, DVec3::new(1e6, 0.0, 0.0));
+        let orbit = Orbit::from_view(&view, Vec3::ZERO, 3.0, DVec3::new(1e6, 0.0, 0.0));
         let ahead = (orbit.target - orbit.eye).normalize().as_vec3();
         assert!((ahead - view.forward).length() < 1e-5 && (orbit.fov.to_radians() - 0.6).abs() < 1e-5);
         assert!((orbit.eye - DVec3::new(1e6 + 1.0, 2.0, 3.0)).length() < 1e-5);
@@ -189,7 +188,7 @@ mod tests {
             ..Camera::look_at(Vec3::new(0.0, 0.0, 50.0), Vec3::ZERO, 1.0)
         };
         let bounds = (Vec3::splat(-1.0), Vec3::splat(1.0));
-        let orbit = Orbit::from_view(&View::new(&camera, 100, 100, bounds), bounds, DVec3::ZERO);
+        let orbit = Orbit::from_view(&View::new(&camera, 100, 100, bounds), Vec3::ZERO, 3.0, DVec3::ZERO);
         let half = orbit.distance() * (f64::from(orbit.fov).to_radians() * 0.5).tan();
         assert!((half - 1.5).abs() < 1e-5, "{half}");
     }

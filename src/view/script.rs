@@ -10,7 +10,10 @@ use super::{
     output,
     viewer::{Button, CLICK, Input, Viewer},
 };
-use crate::error::{Error, Result};
+use crate::{
+    error::{Error, Result},
+    gpu::Fault,
+};
 
 /// A line of a script.
 #[derive(Debug, Clone, PartialEq)]
@@ -25,6 +28,7 @@ enum Line {
     /// Asks the window system for another size, and waits until the window has it.
     Resize(u32, u32),
     Minimise(bool),
+    Fail(&'static str, Fault),
     /// Waits until the window shows the complete picture.
     WaitFull,
     /// Waits until the window shows what was wanted last, if only as a preview.
@@ -41,6 +45,8 @@ pub enum Ask {
     Resize(u32, u32),
     /// To be minimised or restored.
     Minimise(bool),
+    /// To let this call to its device fail once.
+    Fail(&'static str, Fault),
 }
 
 /// A script and how far it is.
@@ -107,6 +113,10 @@ impl Script {
                 &mut Line::Minimise(yes) => {
                     self.lines.pop_front();
                     return Ok((Some(Ask::Minimise(yes)), None));
+                }
+                &mut Line::Fail(call, fault) => {
+                    self.lines.pop_front();
+                    return Ok((Some(Ask::Fail(call, fault)), None));
                 }
                 Line::WaitFull if !(seen && viewer.complete()) => break,
                 Line::WaitFrame if !(seen && viewer.up_to_date()) => break,
@@ -191,6 +201,9 @@ fn parse(line: &str) -> Option<Line> {
         }
         "minimise" if bare => Line::Minimise(true),
         "restore" if bare => Line::Minimise(false),
+        "lose" if rest == "surface" => Line::Fail("vkAcquireNextImageKHR", Fault::SurfaceLost),
+        "lose" if rest == "swapchain" => Line::Fail("vkQueuePresentKHR", Fault::OutOfDate),
+        "lose" if rest == "device" => Line::Fail("vkAcquireNextImageKHR", Fault::DeviceLost),
         "wait-full" if bare => Line::WaitFull,
         "wait-frame" if bare => Line::WaitFrame,
         "sleep" => Line::Sleep(Duration::from_millis(one().filter(|&ms| ms >= 0.0)? as u64)),

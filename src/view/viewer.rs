@@ -20,6 +20,7 @@ use super::{
 use crate::{
     error::{Error, Result},
     options::CameraChoice,
+    scene::{Camera, View},
 };
 
 /// The camera rests once it has not moved for this long.
@@ -271,9 +272,9 @@ impl Viewer {
             Action::Frame => {
                 if let Some(facts) = &self.facts {
                     let aspect = self.size.0 as f32 / self.size.1 as f32;
-                    let camera = crate::scene::Camera::framing(facts.bounds.0, facts.bounds.1, aspect);
-                    let view = crate::scene::View::new(&camera, self.size.0, self.size.1, facts.bounds);
-                    self.orbit = Some(Orbit::from_view(&view, facts.bounds, facts.origin));
+                    let camera = Camera::framing(facts.bounds.0, facts.bounds.1, aspect);
+                    let view = View::new(&camera, self.size.0, self.size.1, facts.bounds);
+                    self.orbit = Some(facts.orbit(&view));
                     self.fly(|_, _| {});
                 }
             }
@@ -371,8 +372,7 @@ impl Viewer {
     /// Moves the camera; the height of the image is told along.
     fn fly(&mut self, change: impl FnOnce(&mut Orbit, u32)) {
         let (Some(facts), Some(picture)) = (&self.facts, &self.picture) else { return };
-        let mut orbit =
-            self.orbit.unwrap_or_else(|| Orbit::from_view(&picture.view, facts.bounds, facts.origin));
+        let mut orbit = self.orbit.unwrap_or_else(|| facts.orbit(&picture.view));
         change(&mut orbit, self.size.1);
         self.orbit = Some(orbit);
         self.asked.options.view = orbit.options(&self.asked.options.view);
@@ -420,6 +420,13 @@ impl Viewer {
             reference: self.split.is_some(),
             pixel,
         });
+    }
+}
+
+impl Facts {
+    /// The camera that takes over from `view`.
+    fn orbit(&self, view: &View) -> Orbit {
+        Orbit::from_view(view, self.focus, (self.bounds.1 - self.bounds.0).length(), self.origin)
     }
 }
 

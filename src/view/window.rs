@@ -9,6 +9,7 @@ use std::{
 use winit::{
     application::ApplicationHandler,
     dpi::PhysicalSize,
+    error::EventLoopError,
     event::{ElementState, MouseButton, MouseScrollDelta, WindowEvent},
     event_loop::{ActiveEventLoop, ControlFlow, EventLoop, EventLoopProxy},
     keyboard::{Key as WindowKey, NamedKey},
@@ -40,9 +41,7 @@ const PIXELS_PER_NOTCH: f64 = 40.0;
 /// device.
 pub fn run(request: &Request, load: Loader) -> Result<()> {
     let script = request.script.as_deref().map(Script::read).transpose()?.unwrap_or_default();
-    let events = EventLoop::<Update>::with_user_event().build().map_err(|error| {
-        Error::NoDevice(format!("no display to open a window on: {error}; without one, take `vtrace render`"))
-    })?;
+    let events = EventLoop::<Update>::with_user_event().build().map_err(no_display)?;
     let mailbox = Arc::new(Mailbox::default());
     let mut app = App {
         request,
@@ -78,6 +77,7 @@ struct App<'r> {
 /// A window with its render thread. Fields go in this order: the swapchain before the window.
 struct Opened {
     swapchain: Swapchain,
+    gpu: Arc<Gpu>,
     window: Arc<Window>,
     thread: JoinHandle<()>,
 }
@@ -103,14 +103,14 @@ impl App<'_> {
             // A loop that has ended needs no update.
             let _ = proxy.send_event(update);
         });
-        let worker = Worker { gpu, mailbox: self.mailbox.clone(), load, send };
+        let worker = Worker { gpu: gpu.clone(), mailbox: self.mailbox.clone(), load, send };
         let thread = thread::Builder::new()
             .name("render".into())
             .spawn(|| worker.run())
             .map_err(Error::io("render thread"))?;
         let PhysicalSize { width, height } = window.inner_size();
         self.viewer.input(Input::Resized(width, height));
-        self.opened = Some(Opened { swapchain, window, thread });
+        self.opened = Some(Opened { swapchain, gpu, window, thread });
         Ok(())
     }
 
@@ -142,6 +142,7 @@ impl App<'_> {
                     }
                 }
                 Ask::Minimise(yes) => opened.window.set_minimized(yes),
+                Ask::Fail(call, fault) => opened.gpu.fail_next(call, fault),
             }
             wake = now;
         }
@@ -170,9 +171,10 @@ impl App<'_> {
     /// Ends the render thread, so that the device is free to go.
     fn close(&mut self) {
         self.mailbox.close();
-        if let Some(Opened { swapchain, window, thread }) = self.opened.take() {
+        if let Some(Opened { swapchain, gpu, window, thread }) = self.opened.take() {
             let died = thread.join().is_err();
             drop(swapchain);
+            drop(gpu);
             drop(window);
             if died {
                 self.failed.get_or_insert(Error::NoDevice("the render thread died; see above".into()));
@@ -210,6 +212,19 @@ impl ApplicationHandler<Update> for App<'_> {
             events.exit();
         }
     }
+}
+
+fn no_display(error: EventLoopError) -> Error {
+    let text = error.to_string();
+    // winit says first in which of its source files it failed.
+    let cause = text
+        .split_once(".rs:")
+        .and_then(|(_, rest)| rest.split_once(": "))
+        .map_or(&*text, |(_, cause)| cause);
+    Error::NoDevice(format!(
+        "no display to open a window on ({}); without one take `vtrace render`, or run under `xvfb-run`",
+        cause.trim_end_matches('.')
+    ))
 }
 
 /// What an event means to the viewer.

@@ -88,6 +88,8 @@ pub enum Update {
 pub struct Facts {
     /// Smallest and largest corner.
     pub bounds: (Vec3, Vec3),
+    /// What to look at: the centre of the specular objects, of all where there are none.
+    pub focus: Vec3,
     /// World position of the scene's coordinate origin.
     pub origin: DVec3,
     /// Cameras of the file.
@@ -327,6 +329,15 @@ impl Worker {
     }
 }
 
+/// Centre of the box around all specular VT objects.
+fn specular_centre(scene: &Scene) -> Option<Vec3> {
+    let ranges = scene.objects.iter().filter(|object| object.vt).map(|object| object.vertices.clone());
+    let mut points = ranges.flatten().map(|vertex| scene.geometry.positions[vertex as usize]);
+    let first = points.next()?;
+    let (low, high) = points.fold((first, first), |(low, high), p| (low.min(p), high.max(p)));
+    Some((low + high) * 0.5)
+}
+
 /// What a frame of a moving camera is allowed.
 fn moving_effort(wanted: &Wanted) -> EffortOptions {
     let effort = wanted.options.effort.clone();
@@ -340,8 +351,10 @@ impl Loaded {
 
     fn facts(&self) -> Facts {
         let Scene { origin, cameras, .. } = &self.scene;
+        let bounds = self.scene.bounds();
         Facts {
-            bounds: self.scene.bounds(),
+            bounds,
+            focus: specular_centre(&self.scene).unwrap_or((bounds.0 + bounds.1) * 0.5),
             origin: *origin,
             cameras: cameras.clone(),
             lights: self.lights.clone(),
