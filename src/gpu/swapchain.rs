@@ -200,12 +200,9 @@ impl Chain {
 
     /// The index of the image that comes next, and whether the window has changed a little.
     fn acquire(&self) -> Result<(u32, bool)> {
-        self.gpu.call("vkAcquireNextImageKHR", "window", |_| {
-            // SAFETY: a live swapchain; what waited for the semaphore before is done, as `Commands::begin` saw.
-            let next = unsafe {
-                self.loader.acquire_next_image(self.handle, PATIENCE_NS, self.acquired, vk::Fence::null())
-            };
-            next
+        // SAFETY: a live swapchain; what waited for the semaphore before is done, as `Commands::begin` saw.
+        self.gpu.call("vkAcquireNextImageKHR", "window", |_| unsafe {
+            self.loader.acquire_next_image(self.handle, PATIENCE_NS, self.acquired, vk::Fence::null())
         })
     }
 

@@ -36,8 +36,8 @@ fn exact(linear: f32) -> u8 {
 pub fn rgba(image: &FloatImage, exposure: f32) -> Vec<u8> {
     let (thresholds, coarse, scale) = (&*THRESHOLDS, &*COARSE, exposure.exp2());
     let byte = |value: f32| {
-        // Not `clamp`, which keeps NaN.
-        let value = (value * scale).max(0.0).min(1.0);
+        // The sign of a zero goes too.
+        let value = if value.is_nan() { 0.0 } else { (value * scale).clamp(0.0, 1.0).abs() };
         let mut byte = coarse[(value.to_bits() >> 16) as usize];
         while value >= thresholds[usize::from(byte) + 1] {
             byte += 1;

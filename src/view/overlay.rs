@@ -47,7 +47,7 @@ impl Viewer {
                 draw(&mut canvas, &picture.view, segment);
             }
         }
-        if self.overlay {
+        if self.overlay && !self.help {
             canvas.lines(0, 0, &self.figures(picture), WHITE);
             if let Some(path) = &self.path {
                 let lines = path.lines();

@@ -217,7 +217,6 @@ impl Viewer {
                 output::complain(&error);
                 self.problem = Some(error.to_string());
             }
-            Update::Fatal(error) => return Err(error),
         }
         self.stale = true;
         Ok(())

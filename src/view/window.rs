@@ -79,7 +79,7 @@ struct Opened {
     swapchain: Swapchain,
     gpu: Arc<Gpu>,
     window: Arc<Window>,
-    thread: JoinHandle<()>,
+    thread: JoinHandle<Result<()>>,
 }
 
 impl App<'_> {
@@ -172,13 +172,14 @@ impl App<'_> {
     fn close(&mut self) {
         self.mailbox.close();
         if let Some(Opened { swapchain, gpu, window, thread }) = self.opened.take() {
-            let died = thread.join().is_err();
+            window.set_visible(false); // a scene that is being read is read to its end
+            let died = || Err(Error::NoDevice("the render thread died".into()));
+            if let Err(error) = thread.join().unwrap_or_else(|_| died()) {
+                self.failed.get_or_insert(error);
+            }
             drop(swapchain);
             drop(gpu);
             drop(window);
-            if died {
-                self.failed.get_or_insert(Error::NoDevice("the render thread died; see above".into()));
-            }
         }
     }
 }
@@ -208,7 +209,8 @@ impl ApplicationHandler<Update> for App<'_> {
         if let Some(wake) = self.check(events, due) {
             events.set_control_flow(ControlFlow::WaitUntil(wake));
         }
-        if self.viewer.quits() {
+        let ended = self.opened.as_ref().is_some_and(|opened| opened.thread.is_finished());
+        if self.viewer.quits() || ended {
             events.exit();
         }
     }

@@ -26,6 +26,9 @@ use crate::{
     trace::{Settings, Tracer, reference},
 };
 
+/// Budgets between two steps that are shown while the camera rests: each is drawn at the cost of refinement.
+const STEP_INTERVAL: u32 = 4;
+
 /// Reads and classifies a scene file.
 pub type Loader = Box<dyn Fn(&Path) -> Result<Scene> + Send>;
 
@@ -42,7 +45,7 @@ pub struct Wanted {
     pub lights: Option<Arc<[Light]>>,
     /// Whether the camera moves: then one frame within `budget`, else all that `options` ask for.
     pub moving: bool,
-    /// Time that a frame may take while the camera moves, and between two steps while it rests.
+    /// Time that a frame may take while the camera moves.
     pub budget: Duration,
     /// Scale of the shown image, in stops.
     pub exposure: f32,
@@ -80,8 +83,6 @@ pub enum Update {
     Path(SpecularPath),
     /// What was wanted cannot be had; what is shown stays.
     Problem(Error),
-    /// The end.
-    Fatal(Error),
 }
 
 /// What the window knows of a scene.
@@ -207,13 +208,10 @@ struct Loaded {
 
 impl Worker {
     /// Works until the mailbox is closed.
-    pub fn run(self) {
-        if let Err(error) = self.serve() {
-            (self.send)(Update::Fatal(error));
-        }
-    }
-
-    fn serve(&self) -> Result<()> {
+    ///
+    /// # Errors
+    /// The first scene cannot be read; the device fails.
+    pub fn run(self) -> Result<()> {
         let mut loaded: Option<Loaded> = None;
         let mut next = self.mailbox.next();
         while let Some(wanted) = next {
@@ -303,7 +301,7 @@ impl Worker {
             renderer.render(&view)?
         } else {
             renderer.set_effort(wanted.options.effort.clone());
-            renderer.set_step_interval(wanted.budget);
+            renderer.set_step_interval(wanted.budget * STEP_INTERVAL);
             let mut show = |step: &Step| {
                 // Pictures of data exist once refinement ended.
                 if wanted.options.show.is_none() {
