@@ -380,6 +380,7 @@ fn one_renderer_draws_previews_and_all_there_is() {
     let refined = renderer.render_steps(&view, Some(&mut keep)).unwrap().image;
     assert!(seen == [preview], "the preview alone is seen: {} steps were", seen.len());
     assert!(refined == full && refined != seen[0]);
+    drop(renderer);
     gpu.finish();
 }
 

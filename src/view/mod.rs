@@ -1,6 +1,6 @@
 //! The interactive viewer: a preview at once, refined while the camera rests (paper §3, §5).
 //!
-//! The [`window`] hands input to the [`viewer`], which posts what it wants to the [`worker`], a thread of its own:
+//! The window hands input to the viewer, which posts what it wants to the worker, a thread of its own:
 //! a frame within the budget while the camera moves, and all refinement steps, shown as they come, while it
 //! rests. Whatever is newer ends the refinement of what is older. See docs/viewer.md.
 
@@ -15,6 +15,7 @@ mod inspect;
 pub mod keys;
 mod output;
 mod overlay;
+mod pointer;
 mod script;
 mod timing;
 mod viewer;

@@ -8,7 +8,8 @@ use std::{
 use super::{
     keys::Key,
     output,
-    viewer::{Button, CLICK, Input, Viewer},
+    pointer::CLICK,
+    viewer::{Button, Input, Viewer},
 };
 use crate::{
     error::{Error, Result},

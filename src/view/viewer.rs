@@ -14,6 +14,7 @@ use super::{
     inspect::Path as SpecularPath,
     keys::{Action, Key},
     output,
+    pointer::Drag,
     timing::Timing,
     worker::{Facts, Mailbox, Picture, Pixels, Update, Wanted},
 };
@@ -28,12 +29,6 @@ const REST: Duration = Duration::from_millis(150);
 
 /// How often the scene file is looked at.
 const POLL: Duration = Duration::from_millis(500);
-
-/// A press that moves less than this many pixels is a click.
-pub(super) const CLICK: f64 = 4.0;
-
-/// The divider is taken hold of within this many pixels.
-const GRIP: f64 = 6.0;
 
 /// What a user does.
 #[derive(Debug, Clone, PartialEq)]
@@ -72,16 +67,6 @@ pub enum Button {
     Right,
 }
 
-/// What a held button does.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
-enum Drag {
-    /// A click, unless it moves.
-    Turn,
-    Pan,
-    Light,
-    Divider,
-}
-
 /// Everything that the viewer knows.
 pub struct Viewer {
     pub(super) asked: Asked,
@@ -104,9 +89,9 @@ pub struct Viewer {
     serial: u64,
     /// When the camera comes to rest.
     rests: Option<Instant>,
-    pointer: (f64, f64),
-    pressed: Option<(Drag, (f64, f64))>,
-    held: (bool, bool),
+    pub(super) pointer: (f64, f64),
+    pub(super) pressed: Option<(Drag, (f64, f64))>,
+    pub(super) held: (bool, bool),
     polled: Instant,
     seen: Option<SystemTime>,
     /// Whether the window shows an older state.
@@ -316,60 +301,8 @@ impl Viewer {
         self.problem = Some(error.to_string());
     }
 
-    fn press(&mut self, button: Button) {
-        let (shift, ctrl) = self.held;
-        let divider = self.split.map(|share| share * f64::from(self.size.0));
-        let drag = match button {
-            Button::Left if divider.is_some_and(|at| (at - self.pointer.0).abs() <= GRIP) => Drag::Divider,
-            Button::Left if ctrl => Drag::Light,
-            Button::Left if !shift => Drag::Turn,
-            Button::Left | Button::Right => Drag::Pan,
-        };
-        self.pressed = Some((drag, self.pointer));
-    }
-
-    fn release(&mut self) {
-        let Some((drag, from)) = self.pressed.take() else { return };
-        let moved = (from.0 - self.pointer.0).hypot(from.1 - self.pointer.1);
-        let (x, y) = self.pointer;
-        let inside = x >= 0.0 && y >= 0.0 && x < self.size.0.into() && y < self.size.1.into();
-        if drag == Drag::Turn && moved < CLICK && inside {
-            self.want(Some((x as u32, y as u32)));
-        }
-    }
-
-    fn point(&mut self, x: f64, y: f64) {
-        let before = std::mem::replace(&mut self.pointer, (x, y));
-        let Some((drag, from)) = self.pressed else { return };
-        let (dx, dy) = (x - before.0, y - before.1);
-        match drag {
-            Drag::Turn => {
-                // A click that trembles turns nothing; what it trembled is made up for.
-                let was = (from.0 - before.0).hypot(from.1 - before.1) >= CLICK;
-                let is = (from.0 - x).hypot(from.1 - y) >= CLICK;
-                if is || was {
-                    let (dx, dy) = if was { (dx, dy) } else { (x - from.0, y - from.1) };
-                    self.pressed = Some((Drag::Turn, (f64::INFINITY, f64::INFINITY)));
-                    self.fly(|orbit, _| orbit.turn(dx, dy));
-                }
-            }
-            Drag::Pan => self.fly(|orbit, height| orbit.pan(dx, dy, height)),
-            Drag::Light => {
-                if let (Some(facts), Some(picture)) = (&self.facts, &self.picture) {
-                    self.asked.drag_light(&facts.lights, &picture.view, dx as f32, dy as f32);
-                    self.reference = None;
-                    self.moves();
-                }
-            }
-            Drag::Divider => {
-                self.split = Some((x / f64::from(self.size.0)).clamp(0.0, 1.0));
-                self.stale = true;
-            }
-        }
-    }
-
     /// Moves the camera; the height of the image is told along.
-    fn fly(&mut self, change: impl FnOnce(&mut Orbit, u32)) {
+    pub(super) fn fly(&mut self, change: impl FnOnce(&mut Orbit, u32)) {
         let (Some(facts), Some(picture)) = (&self.facts, &self.picture) else { return };
         let mut orbit = self.orbit.unwrap_or_else(|| facts.orbit(&picture.view));
         change(&mut orbit, self.size.1);
@@ -378,7 +311,7 @@ impl Viewer {
         self.moves();
     }
 
-    fn moves(&mut self) {
+    pub(super) fn moves(&mut self) {
         let now = Instant::now();
         self.timing.moved(now);
         self.rests = Some(now + REST);
@@ -405,7 +338,7 @@ impl Viewer {
     }
 
     /// Asks the render thread for what is asked for now, and for the path behind `pixel`.
-    fn want(&mut self, pixel: Option<(u32, u32)>) {
+    pub(super) fn want(&mut self, pixel: Option<(u32, u32)>) {
         self.serial += 1;
         self.problem = None;
         self.mailbox.post(Wanted {
