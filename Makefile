@@ -52,10 +52,10 @@ test: export VTRACE_VALIDATION := 1
 test: export VK_LOADER_DRIVERS_SELECT := $(DRIVER)
 test: setup-tests
 	cargo fmt --all --check
-	cargo clippy --all-targets --locked -- -D warnings
+	cargo clippy --all-targets --locked --features view -- -D warnings
 	cargo clippy --all-targets --locked --no-default-features -- -D warnings
-	cargo test --locked
-	RUSTDOCFLAGS='-D warnings' cargo doc --locked --no-deps
+	cargo test --locked --features view
+	RUSTDOCFLAGS='-D warnings' cargo doc --locked --no-deps --features view
 
 test-models: setup
 	@test -n "$(DIR)" || { echo 'error: name the folder: make test-models DIR=folder' >&2; exit 1; }

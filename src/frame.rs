@@ -63,6 +63,8 @@ pub struct Renderer<'s> {
     interrupt: Arc<AtomicBool>,
     /// What a time budget keeps back for that.
     reserve: Reserve,
+    /// Least time between two steps that an observer sees.
+    step_interval: Duration,
 }
 
 /// The image after a refinement step; the first is the preview, before any.
@@ -152,6 +154,7 @@ impl<'s> Renderer<'s> {
             finished: (0, Duration::ZERO),
             interrupt: Arc::default(),
             reserve: Reserve::default(),
+            step_interval: Duration::ZERO,
         })
     }
 
@@ -200,9 +203,17 @@ impl<'s> Renderer<'s> {
         self.interrupt = flag;
     }
 
-    /// Lets frames from now on take another effort; nothing is prepared again.
+    /// Refines the frames from now on until `effort` is met, in place of what the options say.
+    ///
+    /// A renderer that was warmed up with a time budget keeps to another one as well.
     pub fn set_effort(&mut self, effort: EffortOptions) {
         self.options.effort = effort;
+    }
+
+    /// Shows an observer a step only where `interval` has passed since it saw one: drawing a step takes time that
+    /// refinement then lacks. Zero, at first, shows all.
+    pub fn set_step_interval(&mut self, interval: Duration) {
+        self.step_interval = interval;
     }
 
     /// Renders one frame.
@@ -213,7 +224,8 @@ impl<'s> Renderer<'s> {
         self.render_steps(view, None)
     }
 
-    /// Renders one frame, and shows the preview and the image after every refinement step to `after_step`.
+    /// Renders one frame, and shows the preview and the image after every refinement step to `after_step`, at
+    /// most one each [`set_step_interval`](Self::set_step_interval).
     /// Drawing them counts as the frame's time.
     ///
     /// # Errors
@@ -257,6 +269,7 @@ impl<'s> Renderer<'s> {
                     started,
                     reserve: self.reserve,
                     interrupt: &self.interrupt,
+                    step_interval: self.step_interval,
                 };
                 let observed = after_step.is_some();
                 let mut observe = |leaves: &Drawn, refiner: &Refiner, rays: Rays| {
@@ -328,6 +341,7 @@ struct Job<'a> {
     started: Instant,
     reserve: Reserve,
     interrupt: &'a AtomicBool,
+    step_interval: Duration,
 }
 
 /// What sampling a frame gives.
@@ -374,13 +388,19 @@ impl Job<'_> {
         let mesh = Mesh::new(scene, topology, view, &seeds);
         let mut refiner = Refiner::new(&context, &predictor, mesh, shown);
         refiner.reserve = self.reserve;
+        let mut seen: Option<Instant> = None;
         let mut observe = |refiner: &Refiner| {
             if self.interrupt.load(Ordering::Relaxed) {
                 return Err(Error::Interrupted);
             }
             let Some(after_step) = &mut after_step else { return Ok(()) };
+            if seen.is_some_and(|seen| seen.elapsed() < self.step_interval) {
+                return Ok(());
+            }
             let (pixels, rays) = pixels::trace(&context, &refiner.mesh, shown, &refiner.pixel_faces);
-            after_step(&self.assemble(refiner, &pixels), refiner, rays)
+            after_step(&self.assemble(refiner, &pixels), refiner, rays)?;
+            seen = Some(Instant::now());
+            Ok(())
         };
         observe(&refiner)?;
         let stopped_by = refiner.run(&options.effort, self.started, observe)?;

@@ -49,4 +49,6 @@ pub mod refine;
 pub mod report;
 pub mod scene;
 pub mod trace;
+#[cfg(feature = "view")]
+pub mod view;
 pub mod visibility;

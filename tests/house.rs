@@ -7,7 +7,7 @@ use std::{
 };
 
 /// Rooms that each room may know besides itself, `error` and `constants`.
-const ALLOWED: [(&str, &[&str]); 11] = [
+const ALLOWED: [(&str, &[&str]); 12] = [
     ("gpu", &[]),
     ("scene", &[]),
     ("options", &["scene"]),
@@ -19,7 +19,8 @@ const ALLOWED: [(&str, &[&str]); 11] = [
     ("report", &["scene", "options", "gpu", "visibility", "trace", "frame"]),
     ("plan", &["scene", "options", "visibility", "reconstruct", "report"]),
     ("frame", &["scene", "options", "gpu", "visibility", "trace", "refine", "reconstruct", "report", "plan"]),
-    ("cli", &["scene", "options", "gpu", "trace", "report", "frame", "plan"]),
+    ("view", &["scene", "options", "gpu", "trace", "report", "frame"]),
+    ("cli", &["scene", "options", "gpu", "trace", "report", "frame", "plan", "view"]),
 ];
 
 /// Every Rust file below `folder` with its text, tests and comments left out.
@@ -121,6 +122,18 @@ fn optional_crates_stay_where_their_feature_is() {
             assert!(
                 !named(name) || place.starts_with("cli/"),
                 "{file} names {name}, which only `cli` brings"
+            );
+        }
+        let window = place.ends_with("view/window.rs");
+        assert!(!named("winit") || window, "{file} names winit: only the viewer's window does");
+        assert!(
+            !named("font8x8") || place.starts_with("view/"),
+            "{file} names font8x8, which only `view` brings"
+        );
+        for name in ["ash_window", "raw_window_handle"] {
+            assert!(
+                !named(name) || place == "gpu/surface.rs",
+                "{file} names {name}, which only `view` brings"
             );
         }
         assert!(!named("plotters") || place.ends_with("plot.rs"), "{file} names plotters: only plots do");

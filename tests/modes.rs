@@ -8,7 +8,10 @@ use glam::{Affine2, Vec2, Vec3};
 use vertex_tracing::{
     error::Result,
     frame::{Frame, Renderer, Step},
-    options::{Equation, MethodOptions, Mode, Options, Reconstruction, Show, ViewOptions, VisibilityWay},
+    options::{
+        EffortOptions, Equation, MethodOptions, Mode, Options, Reconstruction, Show, ViewOptions,
+        VisibilityWay,
+    },
     report::{
         FloatImage,
         metrics::{Encoding, compare},
@@ -353,6 +356,31 @@ fn showing_the_steps_does_not_change_the_image() {
             assert!(plain == watched, "{visibility} {reconstruction}: {:.1} dB", psnr(&plain, &watched));
         }
     }
+    gpu.finish();
+}
+
+#[test]
+fn one_renderer_draws_previews_and_all_there_is() {
+    let gpu = TestGpu::open();
+    let scene = Demo::Cup.scene();
+    let mut options = options(Mode::MultiTexture, Equation::Three, Reconstruction::Exact);
+    let view = options.view.resolve(&scene).unwrap();
+    let full = gpu.render(&scene, &options).image;
+    let effort =
+        std::mem::replace(&mut options.effort, EffortOptions { preview: true, ..EffortOptions::default() });
+    let mut renderer = Renderer::new(&gpu, &scene, &options).unwrap();
+    let preview = renderer.render(&view).unwrap().image;
+    renderer.set_effort(effort);
+    renderer.set_step_interval(Duration::from_secs(3600));
+    let mut seen = Vec::new();
+    let mut keep = |step: &Step| {
+        seen.push(step.image.clone());
+        Ok(())
+    };
+    let refined = renderer.render_steps(&view, Some(&mut keep)).unwrap().image;
+    assert!(seen == [preview], "the preview alone is seen: {} steps were", seen.len());
+    assert!(refined == full && refined != seen[0]);
+    drop(renderer);
     gpu.finish();
 }
 

@@ -19,6 +19,8 @@ mod scene;
 mod stability;
 mod terminal;
 pub mod values;
+#[cfg(feature = "view")]
+pub mod view;
 
 use std::process::ExitCode;
 
@@ -48,6 +50,8 @@ enum Command {
     Plan(Box<plan::PlanArgs>),
     #[cfg(feature = "bench")]
     Bench(Box<bench::BenchArgs>),
+    #[cfg(feature = "view")]
+    View(Box<view::ViewerArgs>),
 }
 
 /// Why a command did not do its work.
@@ -97,6 +101,8 @@ pub fn main() -> ExitCode {
             Command::Plan(args) => plan::run(&args)?,
             #[cfg(feature = "bench")]
             Command::Bench(args) => bench::run(&args)?,
+            #[cfg(feature = "view")]
+            Command::View(args) => view::run(&args)?,
         }
         Ok(())
     });

@@ -48,7 +48,7 @@ pub enum DeviceKind {
 /// # Errors
 /// [`Error::NoDevice`] without a loader or driver.
 pub fn devices() -> Result<Vec<DeviceInfo>> {
-    Ok(list(&Instance::new(false)?)?.into_iter().map(|candidate| candidate.info).collect())
+    Ok(list(&Instance::new(false, &[])?, &|_, _| true)?.into_iter().map(|candidate| candidate.info).collect())
 }
 
 pub(super) struct Candidate {
@@ -61,9 +61,12 @@ pub(super) struct Candidate {
     pub(super) features: vk::PhysicalDeviceFeatures,
 }
 
+/// Whether a queue family of a device can show images where they are to be shown.
+pub(super) type Presents<'a> = &'a dyn Fn(vk::PhysicalDevice, u32) -> bool;
+
 /// The device named by `wanted` (an index, or a part of a name in any case), else the best one.
-pub(super) fn choose(instance: &Instance, wanted: Option<&str>) -> Result<Candidate> {
-    let mut candidates = list(instance)?;
+pub(super) fn choose(instance: &Instance, wanted: Option<&str>, presents: Presents<'_>) -> Result<Candidate> {
+    let mut candidates = list(instance, presents)?;
     let infos: Vec<&DeviceInfo> = candidates.iter().map(|candidate| &candidate.info).collect();
     let index = pick(&infos, wanted)?;
     Ok(candidates.swap_remove(index))
@@ -104,14 +107,23 @@ fn pick(infos: &[&DeviceInfo], wanted: Option<&str>) -> Result<usize> {
     })
 }
 
-fn list(instance: &Instance) -> Result<Vec<Candidate>> {
+fn list(instance: &Instance, presents: Presents<'_>) -> Result<Vec<Candidate>> {
     // SAFETY: a live instance.
     let handles = unsafe { instance.handle.enumerate_physical_devices() }
         .map_err(|code| Error::Vulkan { call: "vkEnumeratePhysicalDevices".into(), code })?;
-    Ok(handles.into_iter().enumerate().map(|(index, handle)| inspect(instance, index, handle)).collect())
+    Ok(handles
+        .into_iter()
+        .enumerate()
+        .map(|(index, handle)| inspect(instance, index, handle, presents))
+        .collect())
 }
 
-fn inspect(instance: &Instance, index: usize, handle: vk::PhysicalDevice) -> Candidate {
+fn inspect(
+    instance: &Instance,
+    index: usize,
+    handle: vk::PhysicalDevice,
+    presents: Presents<'_>,
+) -> Candidate {
     // SAFETY: `handle` was enumerated from this instance; a 1.0 query.
     let properties = unsafe { instance.handle.get_physical_device_properties(handle) };
     let mut driver = String::new();
@@ -152,6 +164,9 @@ fn inspect(instance: &Instance, index: usize, handle: vk::PhysicalDevice) -> Can
         usable = Err("has no queue for both graphics and compute".into());
     }
     let family = family.unwrap_or(0);
+    if usable.is_ok() && !presents(handle, family as u32) {
+        usable = Err("cannot show images in a window".into());
+    }
     Candidate {
         handle,
         info: DeviceInfo {

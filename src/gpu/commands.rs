@@ -232,14 +232,23 @@ impl<'a> Recording<'a> {
     ///
     /// # Errors
     /// A lost device, or no memory left.
-    pub fn submit(mut self) -> Result<Submission> {
+    pub fn submit(self) -> Result<Submission> {
+        self.submit_between(None, None)
+    }
+
+    /// As [`submit`](Self::submit); the first transfer waits for `after`, and `before` is signalled at the end.
+    pub(super) fn submit_between(
+        mut self,
+        after: Option<vk::Semaphore>,
+        before: Option<vk::Semaphore>,
+    ) -> Result<Submission> {
         let commands = &mut *self.commands;
         let (gpu, buffer) = (&commands.gpu, commands.buffer);
         // SAFETY: recording, outside of a render pass.
         gpu.call("vkEndCommandBuffer", &commands.name, |device| unsafe {
             device.end_command_buffer(buffer)
         })?;
-        let value = gpu.submit(buffer, &commands.name)?;
+        let value = gpu.submit(buffer, &commands.name, after, before)?;
         commands.submitted = value;
         for touched in &commands.touched {
             match touched {

@@ -2,6 +2,7 @@
 
 use std::{
     collections::HashMap,
+    ffi::CStr,
     mem::ManuallyDrop,
     sync::{Arc, Mutex, MutexGuard, PoisonError},
 };
@@ -14,7 +15,7 @@ use gpu_allocator::{
 
 use super::{
     census::{Census, Kind},
-    choice::{self, DeviceInfo},
+    choice::{self, Candidate, DeviceInfo},
     instance::{Instance, Messages},
     sampler::SamplerDesc,
 };
@@ -30,6 +31,13 @@ pub struct Options {
     pub validation: bool,
 }
 
+impl Options {
+    /// Whether validation is asked for, here or by the environment.
+    pub(super) fn validated(&self) -> bool {
+        self.validation || std::env::var_os("VTRACE_VALIDATION").is_some_and(|value| value == "1")
+    }
+}
+
 /// An error that [`Gpu::fail_next`] can cause.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Fault {
@@ -37,6 +45,10 @@ pub enum Fault {
     OutOfDeviceMemory,
     /// The device was reset or taken away.
     DeviceLost,
+    /// The window changed since its swapchain was made.
+    OutOfDate,
+    /// The window's surface is no more.
+    SurfaceLost,
 }
 
 /// An open Vulkan device with one queue. Every resource holds it by `Arc`, so it ends last.
@@ -54,9 +66,9 @@ pub struct Gpu {
     names: Option<ext::debug_utils::Device>,
     census: Mutex<Census>,
     faults: Mutex<Vec<(&'static str, vk::Result)>>,
-    physical: vk::PhysicalDevice,
+    pub(super) physical: vk::PhysicalDevice,
     info: DeviceInfo,
-    instance: Instance,
+    pub(super) instance: Instance,
 }
 
 struct Queue {
@@ -92,10 +104,13 @@ impl Gpu {
     /// # Errors
     /// [`Error::NoDevice`] if no device can serve, or if validation is asked for and not installed.
     pub fn new(options: &Options) -> Result<Arc<Self>> {
-        let by_environment = std::env::var_os("VTRACE_VALIDATION").is_some_and(|value| value == "1");
-        let instance = Instance::new(options.validation || by_environment)?;
-        let candidate = choice::choose(&instance, options.device.as_deref())?;
+        let instance = Instance::new(options.validated(), &[])?;
+        let candidate = choice::choose(&instance, options.device.as_deref(), &|_, _| true)?;
+        Self::open(instance, candidate, &[])
+    }
 
+    /// Opens `candidate`, a device of `instance`, with the extensions `extensions`, which it has.
+    pub(super) fn open(instance: Instance, candidate: Candidate, extensions: &[&CStr]) -> Result<Arc<Self>> {
         let (mut core, mut vulkan12, mut vulkan13) = choice::required();
         core.sampler_anisotropy = candidate.features.sampler_anisotropy;
         core.sample_rate_shading = candidate.features.sample_rate_shading;
@@ -107,6 +122,8 @@ impl Gpu {
             .enabled_features(&core)
             .push_next(&mut vulkan12)
             .push_next(&mut vulkan13);
+        let extensions: Vec<_> = extensions.iter().map(|name| name.as_ptr()).collect();
+        let info = info.enabled_extension_names(&extensions);
         let name = &candidate.info.name;
         // SAFETY: the features were found present, the queue family exists, all pointers are alive.
         let device = unsafe { instance.handle.create_device(candidate.handle, &info, None) }
@@ -200,6 +217,8 @@ impl Gpu {
         let code = match fault {
             Fault::OutOfDeviceMemory => vk::Result::ERROR_OUT_OF_DEVICE_MEMORY,
             Fault::DeviceLost => vk::Result::ERROR_DEVICE_LOST,
+            Fault::OutOfDate => vk::Result::ERROR_OUT_OF_DATE_KHR,
+            Fault::SurfaceLost => vk::Result::ERROR_SURFACE_LOST_KHR,
         };
         lock(&self.faults).push((call, code));
     }
@@ -293,23 +312,41 @@ impl Gpu {
         }
     }
 
-    /// Submits one command buffer; returns the value of the timeline at which it is done.
-    pub(super) fn submit(&self, commands: vk::CommandBuffer, name: &str) -> Result<u64> {
+    /// Submits one command buffer; returns the value of the timeline at which it is done. The first transfer in
+    /// it waits for the semaphore `after`, and `before` is signalled when all is done.
+    pub(super) fn submit(
+        &self,
+        commands: vk::CommandBuffer,
+        name: &str,
+        after: Option<vk::Semaphore>,
+        before: Option<vk::Semaphore>,
+    ) -> Result<u64> {
         let mut queue = lock(&self.queue);
         let value = queue.submitted + 1;
         let buffers = [vk::CommandBufferSubmitInfo::default().command_buffer(commands)];
-        let signals = [vk::SemaphoreSubmitInfo::default()
-            .semaphore(self.timeline)
-            .value(value)
-            .stage_mask(vk::PipelineStageFlags2::ALL_COMMANDS)];
-        let submits =
-            [vk::SubmitInfo2::default().command_buffer_infos(&buffers).signal_semaphore_infos(&signals)];
+        let all = vk::PipelineStageFlags2::ALL_COMMANDS;
+        let semaphore =
+            |handle, stages| vk::SemaphoreSubmitInfo::default().semaphore(handle).stage_mask(stages);
+        let waits: Vec<_> =
+            after.map(|after| semaphore(after, vk::PipelineStageFlags2::ALL_TRANSFER)).into_iter().collect();
+        let mut signals = vec![semaphore(self.timeline, all).value(value)];
+        signals.extend(before.map(|before| semaphore(before, all)));
+        let submits = [vk::SubmitInfo2::default()
+            .wait_semaphore_infos(&waits)
+            .command_buffer_infos(&buffers)
+            .signal_semaphore_infos(&signals)];
         // SAFETY: the queue is locked; the command buffer is recorded and owns everything that it uses.
         self.call("vkQueueSubmit2", name, |device| unsafe {
             device.queue_submit2(queue.handle, &submits, vk::Fence::null())
         })?;
         queue.submitted = value;
         Ok(value)
+    }
+
+    /// Lets `work` have the queue to itself.
+    #[cfg(feature = "view")]
+    pub(super) fn with_queue<T>(&self, work: impl FnOnce(vk::Queue) -> T) -> T {
+        work(lock(&self.queue).handle)
     }
 
     /// Waits until the timeline reaches `value`.

@@ -44,12 +44,13 @@ pub(super) struct Instance {
     pub(super) validation: bool,
     pub(super) messages: Arc<Messages>,
     // Last: unloads the library.
-    _entry: ash::Entry,
+    pub(super) entry: ash::Entry,
 }
 
 impl Instance {
-    /// An instance for Vulkan 1.3, with core and synchronization validation if `validation` asks for them.
-    pub(super) fn new(validation: bool) -> Result<Self> {
+    /// An instance for Vulkan 1.3 with the extensions `wanted`, and with core and synchronization validation if
+    /// `validation` asks for them.
+    pub(super) fn new(validation: bool, wanted: &[&CStr]) -> Result<Self> {
         // SAFETY: libvulkan is a well-behaved library, whose initialisers have no requirements.
         let entry = unsafe { ash::Entry::load() }.map_err(|error| {
             Error::NoDevice(format!("no Vulkan loader ({error}); install one with `{INSTALL_DRIVER}`"))
@@ -79,12 +80,18 @@ impl Instance {
         // SAFETY: as above.
         let extensions = unsafe { entry.enumerate_instance_extension_properties(None) }
             .map_err(failed("vkEnumerateInstanceExtensionProperties"))?;
-        let debug_utils = validation
-            || extensions
-                .iter()
-                .any(|extension| extension.extension_name_as_c_str() == Ok(ext::debug_utils::NAME));
+        let present =
+            |name: &CStr| extensions.iter().any(|extension| extension.extension_name_as_c_str() == Ok(name));
+        let debug_utils = validation || present(ext::debug_utils::NAME);
+        if let Some(lacking) = wanted.iter().find(|name| !present(name)) {
+            return Err(Error::NoDevice(format!(
+                "no Vulkan driver can show images in a window of this kind (none has {}); install one with \
+                 `{INSTALL_DRIVER}`",
+                lacking.to_string_lossy()
+            )));
+        }
 
-        let mut names = Vec::new();
+        let mut names: Vec<_> = wanted.iter().map(|name| name.as_ptr()).collect();
         if debug_utils {
             names.push(ext::debug_utils::NAME.as_ptr());
         }
@@ -117,9 +124,9 @@ impl Instance {
             }
             code => failed("vkCreateInstance")(code),
         })?;
-        let mut instance = Self { messenger: None, handle, debug_utils, validation, messages, _entry: entry };
+        let mut instance = Self { messenger: None, handle, debug_utils, validation, messages, entry };
         if debug_utils {
-            let loader = ext::debug_utils::Instance::new(&instance._entry, &instance.handle);
+            let loader = ext::debug_utils::Instance::new(&instance.entry, &instance.handle);
             // SAFETY: `messages`, the user data, is held by `instance` until after the messenger is destroyed.
             let messenger =
                 unsafe { loader.create_debug_utils_messenger(&messenger_info(&instance.messages), None) }

@@ -21,6 +21,10 @@ mod memory;
 mod pipeline;
 mod sampler;
 mod staging;
+#[cfg(feature = "view")]
+mod surface;
+#[cfg(feature = "view")]
+mod swapchain;
 mod texture;
 mod timestamps;
 
@@ -42,6 +46,10 @@ pub use pipeline::{
 };
 pub use sampler::{AddressMode, SamplerDesc, TexelFilter};
 pub use staging::{ReadbackRing, Uploads};
+#[cfg(feature = "view")]
+pub use surface::{Surface, Window};
+#[cfg(feature = "view")]
+pub use swapchain::{Shown, Swapchain};
 pub use timestamps::Timing;
 
 /// The SPIR-V of a file under `glsl/`, as `build.rs` compiled it: `spirv!("id_buffer.vert")`.
