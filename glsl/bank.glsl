@@ -2,7 +2,7 @@
 //
 // Vulkan 1.3 alone cannot index sampled images dynamically, but it can choose a layer. Draws are grouped so that
 // the arrays of nearly all look-ups are bound for the draw; where they are not, every array in use is sampled,
-// since software devices execute both sides of a branch. Gradients are explicit, so that branches do no harm.
+// since software devices execute both sides of a branch; there gradients are explicit, so that branches do no harm.
 #ifndef BANK_GLSL
 #define BANK_GLSL
 
@@ -13,9 +13,10 @@ layout(set = 2, binding = 0) uniform sampler2DArray own_texture;
 layout(set = 2, binding = 1) uniform sampler2DArray first_texture;
 layout(set = 2, binding = 2) uniform sampler2DArray node_texture;
 
-// Layer of `bound`, the array of `reference`, or white for NO_TEXTURE.
-vec4 bound_texel(sampler2DArray bound, uint reference, vec2 uv, vec2 dx, vec2 dy) {
-    vec4 texel = textureGrad(bound, vec3(uv, float((reference >> 8) & 0xffffu)), dx, dy);
+// Layer of `bound`, the array of `reference`, or white for NO_TEXTURE. Gradients are implicit, which is cheaper: to be
+// called where all fragments of a primitive come, or none.
+vec4 bound_texel(sampler2DArray bound, uint reference, vec2 uv) {
+    vec4 texel = texture(bound, vec3(uv, float((reference >> 8) & 0xffffu)));
     return reference == NO_TEXTURE ? vec4(1.0) : texel;
 }
 

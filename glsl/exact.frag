@@ -110,12 +110,10 @@ vec3 first_radiance(vec3 direction, out vec3 texel) {
     float s = (first[0].w - dot(n, position)) / dot(n, direction);
     vec3 point = position + direction * s;
     vec2 at = vec2(dot(first[1], vec4(point, 1.0)), dot(first[2], vec4(point, 1.0)));
-    vec2 dx = dFdx(at), dy = dFdy(at);
-    texel = vec3(1.0);
-    if (s <= 0.0) return vec3(0.0);
     vec4 base_texel = vec4(1.0);
-    if (HAS_BASE_TEXTURES) base_texel = bound_texel(first_texture, floatBitsToUint(first[3].w), at, dx, dy);
+    if (HAS_BASE_TEXTURES) base_texel = bound_texel(first_texture, floatBitsToUint(first[3].w), at);
     texel = base_texel.rgb;
+    if (s <= 0.0) return vec3(0.0);
     vec4 constants[4] = vec4[4](vec4(first[3].rgb, 1.0), first[4], first[5], first[6]);
     Material m = material_from(constants, vec4(1.0), base_texel, vec3(1.0));
     if (dot(n, direction) > 0.0) n = -n;
@@ -145,10 +143,9 @@ vec3 node_radiance(inout uint at, Branches branches, out uint branch) {
     // The bundle's ray meets the plane at s; both coordinates are affine in s. On a chart s is 0.
     float s = bundle.x / bundle.y;
     vec2 where = (bundle.zw + s * rest.xy) / shade.w;
-    vec2 dx = dFdx(where), dy = dFdy(where);
     vec3 value = shade.rgb;
-    if (MIXED_TEXTURES) value *= bank_texel(head.y, where, dx, dy).rgb;
-    else value *= bound_texel(node_texture, head.y, where, dx, dy).rgb;
+    if (MIXED_TEXTURES) value *= bank_texel(head.y, where, dFdx(where), dFdy(where)).rgb;
+    else value *= bound_texel(node_texture, head.y, where).rgb;
     if (LEAVES != LEAVES_ALL || kind == NODE_TEXTURE) return value;
 
     vec3 texel;
@@ -163,14 +160,14 @@ vec3 node_radiance(inout uint at, Branches branches, out uint branch) {
 void main() {
     vec3 d = view_direction(position);
     vec3 n = normalize(normal);
-    vec3 ng = normalize(facet);
+    // Without specular part its side alone matters.
+    vec3 ng = LEAVES == LEAVES_PLAIN ? facet : normalize(facet);
     if (dot(n, ng) < 0.0) ng = -ng;
 
     bool outside = dot(ng, d) < 0.0;
     vec4 base_texel = vec4(1.0);
     vec3 emission_texel = vec3(1.0);
-    if (HAS_BASE_TEXTURES)
-        base_texel = bound_texel(own_texture, references.x, slot_uv.xy, dFdx(slot_uv.xy), dFdy(slot_uv.xy));
+    if (HAS_BASE_TEXTURES) base_texel = bound_texel(own_texture, references.x, slot_uv.xy);
     if (HAS_EMISSION_TEXTURES)
         emission_texel = bank_texel(references.y, slot_uv.zw, dFdx(slot_uv.zw), dFdy(slot_uv.zw)).rgb;
     Material m = material_from(own, color, base_texel, emission_texel);
@@ -186,7 +183,8 @@ void main() {
         apply_detail_textures(m, header.x, at);
     }
     if (!outside) { ng = -ng; n = -n; }
-    if (HAS_ALPHA_TEST && (m.flags & MATERIAL_MASK) != 0u && m.alpha < own[3].z) discard;
+    // Discarded at the end: gradients need their neighbours.
+    bool cut_out = HAS_ALPHA_TEST && (m.flags & MATERIAL_MASK) != 0u && m.alpha < own[3].z;
 
     vec3 sum = vec3(0.0);
     if ((COMPONENTS & COMPONENT_PRIMARY) != 0u) sum += local_radiance(m, position, n, d, header.y, weights);
@@ -226,6 +224,7 @@ void main() {
             if (traced.w > 0.0) sum = (COMPONENTS & COMPONENT_PRIMARY) != 0u ? traced.rgb : vec3(0.0);
         }
     }
+    if (cut_out) discard;
     float alpha = HAS_BLENDING && (m.flags & MATERIAL_BLEND) != 0u ? clamp(m.alpha, 0.0, 1.0) : 1.0;
     if (CODED) alpha = unpackHalf2x16(header.z).x;
     radiance = vec4(clamp(sum, vec3(-MAX_RADIANCE), vec3(MAX_RADIANCE)), alpha);

@@ -26,14 +26,11 @@ layout(location = 0) out vec4 radiance;
 
 void main() {
     vec4 texel = vec4(1.0);
-    if (HAS_BASE_TEXTURES) texel = bound_texel(own_texture, textures.x, base.xy, dFdx(base.xy), dFdy(base.xy));
-    if (HAS_ALPHA_TEST && base.z * texel.a < base.w) discard;
+    if (HAS_BASE_TEXTURES) texel = bound_texel(own_texture, textures.x, base.xy);
 
     vec3 sum = vec3(0.0);
     if ((COMPONENTS & COMPONENT_PRIMARY) != 0u) sum += primary_textured * texel.rgb + primary_added;
     if (LEAVES != LEAVES_PLAIN) {
-        vec2 dx[2] = vec2[2](dFdx(branch_uv.xy), dFdx(branch_uv.zw));
-        vec2 dy[2] = vec2[2](dFdy(branch_uv.xy), dFdy(branch_uv.zw));
         for (uint b = 0u; b < 2u; ++b) {
             bool has_textured = (COMPONENTS & (COMPONENT_REFLECTED << b)) != 0u;
             bool has_comb = (COMPONENTS & (COMPONENT_REFLECTED_COMB << b)) != 0u;
@@ -41,8 +38,8 @@ void main() {
             vec3 branch_texel = vec3(1.0);
             if (HAS_BASE_TEXTURES && (has_textured || EQUATION_FOUR)) {
                 branch_texel = b == 0u
-                    ? bound_texel(first_texture, textures.y, branch_uv.xy, dx[0], dy[0]).rgb
-                    : bound_texel(node_texture, textures.z, branch_uv.zw, dx[1], dy[1]).rgb;
+                    ? bound_texel(first_texture, textures.y, branch_uv.xy).rgb
+                    : bound_texel(node_texture, textures.z, branch_uv.zw).rgb;
             }
             vec3 branch_sum = vec3(0.0);
             if (has_textured) branch_sum += shade[b] * branch_texel;
@@ -50,5 +47,7 @@ void main() {
             sum += attenuation[b] * branch_sum;
         }
     }
+    // At the end: gradients need their neighbours.
+    if (HAS_ALPHA_TEST && base.z * texel.a < base.w) discard;
     radiance = vec4(clamp(sum, vec3(-MAX_RADIANCE), vec3(MAX_RADIANCE)), 1.0);
 }

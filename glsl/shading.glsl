@@ -13,15 +13,17 @@ const float PI = 3.14159265358979;
 struct Incident { vec3 to_light; vec3 irradiance; };
 
 Incident incident(Light light, vec3 point) {
-    if (light.kind == LIGHT_DIRECTIONAL) return Incident(-light.direction, light.intensity);
+    if (HAS_DIRECTIONAL_LIGHTS && light.kind == LIGHT_DIRECTIONAL) return Incident(-light.direction, light.intensity);
     vec3 to = light.position - point;
     float squared = dot(to, to);
-    float dist = sqrt(squared);
-    float ratio = dist / light.range;
-    float window = clamp(1.0 - ratio * ratio * ratio * ratio, 0.0, 1.0);
-    float falloff = squared > 0.0 ? window / squared : 0.0;
-    vec3 to_light = dist > 0.0 ? to / dist : vec3(0.0);
-    if (light.kind == LIGHT_SPOT) {
+    float inverse = squared > 0.0 ? inversesqrt(squared) : 0.0;
+    float falloff = inverse * inverse;
+    vec3 to_light = to * inverse;
+    if (HAS_LIGHT_RANGES) {
+        float ratio = squared / (light.range * light.range);
+        falloff *= clamp(1.0 - ratio * ratio, 0.0, 1.0);
+    }
+    if (HAS_SPOT_LIGHTS && light.kind == LIGHT_SPOT) {
         float cone = clamp((-dot(to_light, light.direction) - light.outer_cos) * light.cone_scale, 0.0, 1.0);
         falloff *= cone * cone;
     }

@@ -99,8 +99,14 @@ shared_constants! {
     FEATURE_PATCHES: u32 = 0x2000;
     /// A panorama surrounds the scene.
     FEATURE_PANORAMA: u32 = 0x4000;
+    /// Some light is directional.
+    FEATURE_DIRECTIONAL_LIGHTS: u32 = 0x8000;
+    /// Some light is a spot.
+    FEATURE_SPOT_LIGHTS: u32 = 0x1_0000;
+    /// Some light ends at a range.
+    FEATURE_LIGHT_RANGES: u32 = 0x2_0000;
     /// All of the above.
-    FEATURE_EVERYTHING: u32 = 0x7fff;
+    FEATURE_EVERYTHING: u32 = 0x3_ffff;
     /// Texel of a target at which its outline begins.
     TARGET_OUTLINE: u32 = 6;
     /// Texels of a target.

@@ -208,7 +208,7 @@ fn demos_stand_near_the_reference() {
         (Demo::Sphere, 49.0),
         (Demo::CupAndGlass, 43.0),
         (Demo::GlassBowl, 46.0),
-        (Demo::PolishedTable, 43.0),
+        (Demo::PolishedTable, 42.0),
     ] {
         let scene = demo.scene();
         let options = options(320, 256);

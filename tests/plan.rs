@@ -223,6 +223,9 @@ fn the_last_rung_leaves_nothing_of_the_scene_out() {
         "highlight colour texture",
         "transmission texture",
         "vertex colours",
+        "directional lights",
+        "spot lights",
+        "ranges of lights",
         "multisampling",
         "supersampling",
     ];

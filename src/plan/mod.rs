@@ -12,7 +12,7 @@ use crate::options::{FilterMode, Msaa, Options, Reconstruction, Shadows, Ss};
 use crate::reconstruct::bank::Wanted;
 use crate::reconstruct::passes::{ColorPass, color_passes};
 use crate::report::stats::LeftOut;
-use crate::scene::{Background, Scene, patch::Targets, topology::Topology};
+use crate::scene::{Background, LightKind, Scene, patch::Targets, topology::Topology};
 use needs::{Needs, Used};
 
 /// The stages, passes, textures and shader features of a frame.
@@ -146,6 +146,32 @@ impl Plan {
             "blending and sorting",
             "no material in use has alpha mode BLEND",
         );
+        let has = |is: fn(&LightKind) -> bool| scene.lights.iter().any(|light| is(&light.kind));
+        for (needed, bit, what, why) in [
+            (
+                has(|kind| matches!(kind, LightKind::Directional { .. })),
+                FEATURE_DIRECTIONAL_LIGHTS,
+                "directional lights",
+                "the scene has none",
+            ),
+            (
+                has(|kind| matches!(kind, LightKind::Spot { .. })),
+                FEATURE_SPOT_LIGHTS,
+                "spot lights",
+                "the scene has none",
+            ),
+            (
+                has(|kind| match kind {
+                    LightKind::Point { range, .. } | LightKind::Spot { range, .. } => range.is_finite(),
+                    LightKind::Directional { .. } => false,
+                }),
+                FEATURE_LIGHT_RANGES,
+                "ranges of lights",
+                "no light ends anywhere",
+            ),
+        ] {
+            feature(needed, bit, what, why);
+        }
         if specular {
             feature(
                 used.transmits,
