@@ -18,13 +18,13 @@ use crate::reconstruct::frame_block::FrameBlock;
 use crate::reconstruct::leaves;
 use crate::reconstruct::nodes::{Corner, Matcher};
 use crate::reconstruct::paper;
+use crate::reconstruct::readback::PendingImage;
 use crate::reconstruct::show::{self, FrameData, LeafKind, Overlay};
 use crate::reconstruct::supersample;
 use crate::refine::mesh::Mesh;
 use crate::refine::pixels::{Shown, TracedPixel};
 use crate::refine::predict::Predictor;
 use crate::refine::reserve::Reserve;
-use crate::refine::store::SampleStore;
 use crate::refine::{Refiner, StoppedBy, pixels};
 use crate::report::image::FloatImage;
 use crate::report::stats::{self, Stats};
@@ -37,6 +37,9 @@ use crate::visibility::{Adjacency, Class, Finder, Found};
 
 pub use kept::Kept;
 use kept::{Painted, Samples};
+
+/// Times that a step took to be shown, which must have passed before the next is.
+const PAUSE: u32 = 3;
 
 /// What tracing needs of a scene, whatever the view: absent if nothing is traced.
 struct Traced<'s> {
@@ -94,6 +97,47 @@ pub struct Frame {
     pub image: FloatImage,
     /// What it took.
     pub stats: Stats,
+}
+
+/// A frame whose image is on its way to the host.
+pub struct Ahead {
+    image: Delivery,
+    overlay: Option<Overlay>,
+    stats: Stats,
+}
+
+enum Delivery {
+    Pending(PendingImage),
+    Done(FloatImage),
+}
+
+/// A frame whose image is still on the device.
+struct Undelivered {
+    mean: Option<FloatImage>,
+    overlay: Option<Overlay>,
+    stats: Stats,
+}
+
+impl Ahead {
+    /// What it took.
+    pub fn stats(&self) -> &Stats {
+        &self.stats
+    }
+
+    /// Waits for the image.
+    ///
+    /// # Errors
+    /// A lost device.
+    pub fn finish(self) -> Result<Frame> {
+        let image = match self.image {
+            Delivery::Pending(pending) => pending.finish()?,
+            Delivery::Done(image) => image,
+        };
+        Ok(Frame {
+            image: self.overlay.map_or(image.clone(), |overlay| overlay.over(&image)),
+            stats: self.stats,
+        })
+    }
 }
 
 impl<'s> Renderer<'s> {
@@ -225,8 +269,8 @@ impl<'s> Renderer<'s> {
         self.options.effort = effort;
     }
 
-    /// Shows an observer a step only where `interval` has passed since it saw one: drawing a step takes time that
-    /// refinement then lacks. Zero, at first, shows all.
+    /// Shows an observer a step only where `interval` has passed since it saw one, and three times as long as that took
+    /// to draw: it is time that refinement lacks. Zero, at first, shows all.
     pub fn set_step_interval(&mut self, interval: Duration) {
         self.step_interval = interval;
     }
@@ -245,7 +289,29 @@ impl<'s> Renderer<'s> {
     ///
     /// # Errors
     /// No device memory left; a lost device; whatever `after_step` returns.
-    pub fn render_steps(&mut self, view: &View, mut after_step: Option<Observer>) -> Result<Frame> {
+    pub fn render_steps(&mut self, view: &View, after_step: Option<Observer>) -> Result<Frame> {
+        let Undelivered { mean, overlay, stats } = self.draw(view, after_step)?;
+        let image = mean.map_or_else(|| self.painted.painter.read_image(), Ok)?;
+        Ok(Frame { image: overlay.map_or(image.clone(), |overlay| overlay.over(&image)), stats })
+    }
+
+    /// As [`render`](Self::render), but the image may still be on its way to the host: it can be waited for, and the
+    /// next frame be rendered, on different threads.
+    ///
+    /// # Errors
+    /// No device memory left; a lost device.
+    pub fn render_ahead(&mut self, view: &View) -> Result<Ahead> {
+        let Undelivered { mean, overlay, stats } = self.draw(view, None)?;
+        let image = match mean {
+            None => self.painted.painter.start_reading()?.map(Delivery::Pending),
+            Some(image) => Some(Delivery::Done(image)),
+        };
+        let nothing = || Delivery::Done(FloatImage { width: 0, height: 0, pixels: Vec::new() });
+        Ok(Ahead { image: image.unwrap_or_else(nothing), overlay, stats })
+    }
+
+    /// Draws one frame; its image stays with the painter, unless it is a mean of several.
+    fn draw(&mut self, view: &View, mut after_step: Option<Observer>) -> Result<Undelivered> {
         let started = Instant::now();
         let mut stats = self.blank_stats(view);
         let block = FrameBlock::new(self.scene, view);
@@ -291,7 +357,7 @@ impl<'s> Renderer<'s> {
                 let mut observe = |leaves: &Drawn, refiner: &Refiner, rays: Rays| {
                     draw_step(leaves, refiner, rays, &mut after_step)
                 };
-                let store = self.samples.as_mut().map(|samples| &mut samples.store);
+                let store = self.samples.as_mut();
                 let sampled =
                     job.sample(traced, &found, store, &mut stats, observed.then_some(&mut observe))?;
                 (overlay, refined) = (sampled.overlay, sampled.refined);
@@ -324,8 +390,7 @@ impl<'s> Renderer<'s> {
             })
             .collect();
         self.finished = (cost, refined.elapsed());
-        let image = mean.map_or_else(|| painter.read_image(), Ok)?;
-        Ok(Frame { image: overlay.map_or(image.clone(), |overlay| overlay.over(&image)), stats })
+        Ok(Undelivered { mean, overlay, stats })
     }
 
     fn blank_stats(&self, view: &View) -> Stats {
@@ -381,7 +446,7 @@ impl Job<'_> {
         &self,
         traced: &Traced,
         visible: &Found,
-        store: Option<&mut SampleStore>,
+        store: Option<&mut Samples>,
         stats: &mut Stats,
         mut after_step: Option<LeafObserver>,
     ) -> Result<Sampled> {
@@ -404,20 +469,28 @@ impl Job<'_> {
             Predictor { targets, structures, scene, view, reconstruction: options.method.reconstruction };
         let seeds = adjacency.one_ring(scene, topology, classes, view, visible.visible);
         let mesh = Mesh::new(scene, topology, view, &seeds);
-        let mut refiner = Refiner::new(&context, &predictor, mesh, shown, store);
+        let (vertices, mut traced_before) =
+            store.map(|Samples { vertices, pixels, .. }| (vertices, pixels)).unzip();
+        let mut refiner = Refiner::new(&context, &predictor, mesh, shown, vertices);
         refiner.reserve = self.reserve;
-        let mut seen: Option<Instant> = None;
+        // When a step was seen, and how long it took to show.
+        let mut seen: Option<(Instant, Duration)> = None;
         let mut observe = |refiner: &Refiner| {
             if self.interrupt.load(Ordering::Relaxed) {
                 return Err(Error::Interrupted);
             }
             let Some(after_step) = &mut after_step else { return Ok(()) };
-            if seen.is_some_and(|seen| seen.elapsed() < self.step_interval) {
+            let too_soon =
+                |(at, took): (Instant, Duration)| at.elapsed() < self.step_interval.max(took * PAUSE);
+            if !self.step_interval.is_zero() && seen.is_some_and(too_soon) {
                 return Ok(());
             }
-            let (pixels, rays) = pixels::trace(&context, &refiner.mesh, shown, &refiner.pixel_faces);
+            let started = Instant::now();
+            let Refiner { mesh, pixel_faces, .. } = refiner;
+            let (pixels, rays) =
+                pixels::trace(&context, mesh, shown, pixel_faces, traced_before.as_deref_mut());
             after_step(&self.assemble(refiner, &pixels), refiner, rays)?;
-            seen = Some(Instant::now());
+            seen = Some((Instant::now(), started.elapsed()));
             Ok(())
         };
         observe(&refiner)?;
@@ -427,7 +500,9 @@ impl Job<'_> {
         let refined = ms(time);
 
         let time = Instant::now();
-        let (traced_pixels, pixel_rays) = pixels::trace(&context, &refiner.mesh, shown, &refiner.pixel_faces);
+        let Refiner { mesh, pixel_faces, .. } = &refiner;
+        let (traced_pixels, pixel_rays) =
+            pixels::trace(&context, mesh, shown, pixel_faces, traced_before.as_deref_mut());
         let pixels_ms = ms(time);
         stats.time_ms.trace = refiner.samples.time.as_secs_f64() * 1e3 + pixels_ms;
 

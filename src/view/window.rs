@@ -103,7 +103,7 @@ impl App<'_> {
         let options = gpu::Options { device: self.request.options.device.clone(), validation: false };
         let gpu = Gpu::for_window(&options, &target)?;
         let swapchain = Swapchain::new(Surface::new(&gpu, &target)?)?;
-        let send = Box::new(move |update| {
+        let send = Arc::new(move |update| {
             // A loop that has ended needs no update.
             let _ = proxy.send_event(update);
         });

@@ -6,7 +6,9 @@ use std::{
     sync::{
         Arc, Condvar, Mutex, MutexGuard, PoisonError,
         atomic::{AtomicBool, Ordering},
+        mpsc,
     },
+    thread,
     time::{Duration, Instant},
 };
 
@@ -19,7 +21,7 @@ use super::{
 };
 use crate::{
     error::{Error, Result},
-    frame::{Frame, Kept, Renderer, Step},
+    frame::{Ahead, Frame, Kept, Observer, Renderer, Step},
     gpu::Gpu,
     options::{EffortOptions, Options, ViewOptions},
     report::{FloatImage, Stats},
@@ -29,6 +31,9 @@ use crate::{
 
 /// Budgets between two steps that are shown while the camera rests: each is drawn at the cost of refinement.
 const STEP_INTERVAL: u32 = 4;
+
+/// Pictures of a moving camera that may be on their way to the window while the next is made.
+const UNDER_WAY: usize = 2;
 
 /// Bytes of samples that are kept from frame to frame: about half a million of them.
 const SAMPLE_BYTES: usize = 512 << 20;
@@ -226,7 +231,7 @@ pub struct Worker {
     /// How it reads scenes.
     pub load: Loader,
     /// Where its updates go.
-    pub send: Box<dyn Fn(Update) + Send>,
+    pub send: Arc<dyn Fn(Update) + Send + Sync>,
 }
 
 /// A scene in use.
@@ -248,10 +253,24 @@ impl Worker {
     /// # Errors
     /// The first scene cannot be read; the device fails.
     pub fn run(self) -> Result<()> {
+        let (deliver, delivered) = mpsc::sync_channel(UNDER_WAY);
+        let send = self.send.clone();
+        let courier = thread::Builder::new()
+            .name("pictures".into())
+            .spawn(move || delivered.into_iter().for_each(|parcel: Parcel| send(parcel.open())))
+            .map_err(Error::io("picture thread"))?;
+        let done = self.work(&deliver);
+        drop(deliver);
+        // What went wrong there, the device will say here too.
+        let _ = courier.join();
+        done
+    }
+
+    fn work(&self, deliver: &mpsc::SyncSender<Parcel>) -> Result<()> {
         let mut loaded: Option<Loaded> = None;
         let mut next = self.mailbox.next();
         while let Some(wanted) = next {
-            match self.serve_source(&mut loaded, wanted) {
+            match self.serve_source(&mut loaded, wanted, deliver) {
                 Ok(other) => next = other,
                 Err(error) if loaded.is_none() || matches!(error, Error::Vulkan { .. }) => return Err(error),
                 Err(error) => {
@@ -264,7 +283,12 @@ impl Worker {
     }
 
     /// Draws what is wanted until another scene is; returns what asks for it.
-    fn serve_source(&self, loaded: &mut Option<Loaded>, mut wanted: Wanted) -> Result<Option<Wanted>> {
+    fn serve_source(
+        &self,
+        loaded: &mut Option<Loaded>,
+        mut wanted: Wanted,
+        deliver: &mpsc::SyncSender<Parcel>,
+    ) -> Result<Option<Wanted>> {
         let current = match loaded.take() {
             Some(current) if current.source == wanted.source => loaded.insert(current),
             before => match (self.load)(&wanted.source.0) {
@@ -275,7 +299,10 @@ impl Worker {
                 }
                 Err(error) => {
                     // What was shown before goes on being shown.
-                    *loaded = before.map(|before| Loaded { source: wanted.source.clone(), ..before });
+                    *loaded = before.map(|before| match before.source.0 == wanted.source.0 {
+                        true => Loaded { source: wanted.source.clone(), ..before },
+                        false => before,
+                    });
                     return Err(error);
                 }
             },
@@ -286,7 +313,7 @@ impl Worker {
             let lit = &*current;
             let mut artist = self.artist(lit, kept, &wanted)?;
             let other = loop {
-                match artist.draw(&wanted) {
+                match artist.draw(&wanted, deliver) {
                     Ok(()) | Err(Error::Interrupted) => {}
                     Err(error) => return Err(error),
                 }
@@ -319,6 +346,23 @@ impl Worker {
     }
 }
 
+/// A frame of a moving camera on its way to the window.
+struct Parcel {
+    frame: Ahead,
+    wanted: Wanted,
+    view: View,
+}
+
+impl Parcel {
+    /// Waits for the picture.
+    fn open(self) -> Update {
+        match self.frame.finish() {
+            Ok(Frame { image, stats }) => self.wanted.finished(&image, self.view, stats),
+            Err(error) => Update::Problem(error),
+        }
+    }
+}
+
 /// Draws one scene with one set of options.
 struct Artist<'l> {
     worker: &'l Worker,
@@ -330,7 +374,7 @@ struct Artist<'l> {
 }
 
 impl Artist<'_> {
-    fn draw(&mut self, wanted: &Wanted) -> Result<()> {
+    fn draw(&mut self, wanted: &Wanted, deliver: &mpsc::SyncSender<Parcel>) -> Result<()> {
         let view = wanted.options.view.resolve(self.scene)?;
         let settings = Settings::new(&wanted.options.paths, &wanted.options.scene);
         let send = &self.worker.send;
@@ -338,19 +382,18 @@ impl Artist<'_> {
             send(Update::Path(inspect::follow(self.tracer(), &settings, &view, pixel)));
         }
         if wanted.moving {
-            return self.draw_moving(wanted);
+            return self.draw_moving(wanted, deliver);
         }
         self.renderer.set_effort(wanted.options.effort.clone());
         self.renderer.set_step_interval(wanted.budget * STEP_INTERVAL);
         let mut show = |step: &Step| {
-            // Pictures of data exist once refinement ended.
-            if wanted.options.show.is_none() {
-                let progress = (step.number, step.samples, step.predicted_error);
-                send(wanted.picture(&step.image, view, progress, None));
-            }
+            let progress = (step.number, step.samples, step.predicted_error);
+            send(wanted.picture(&step.image, view, progress, None));
             Ok(())
         };
-        let Frame { image, stats } = self.renderer.render_steps(&view, Some(&mut show))?;
+        // Pictures of data exist once refinement ended.
+        let observer: Option<Observer> = if wanted.options.show.is_none() { Some(&mut show) } else { None };
+        let Frame { image, stats } = self.renderer.render_steps(&view, observer)?;
         send(wanted.finished(&image, view, stats));
         if wanted.reference {
             let interrupt = &self.worker.mailbox.interrupt;
@@ -361,20 +404,22 @@ impl Artist<'_> {
         Ok(())
     }
 
-    /// Draws one frame within the budget, coarser if that is what it takes.
-    fn draw_moving(&mut self, wanted: &Wanted) -> Result<()> {
+    /// Draws one frame within the budget, coarser if that is what it takes; its picture is delivered while the next
+    /// one is made.
+    fn draw_moving(&mut self, wanted: &Wanted, deliver: &mpsc::SyncSender<Parcel>) -> Result<()> {
         let started = Instant::now();
         let coarse = wanted.coarse.unwrap_or(self.pace.coarse());
         let ViewOptions { width, height, .. } = wanted.options.view;
         let (width, height) = (width.div_ceil(coarse), height.div_ceil(coarse));
         let view = ViewOptions { width, height, ..wanted.options.view.clone() }.resolve(self.scene)?;
         self.renderer.set_effort(moving_effort(wanted));
-        let Frame { image, stats } = self.renderer.render(&view)?;
+        let frame = self.renderer.render_ahead(&view)?;
         self.renderer.learn_reserve();
-        let sampling = Duration::from_secs_f64((stats.time_ms.trace + stats.time_ms.refine) * 1e-3);
-        let picture = wanted.finished(&image, view, stats);
+        let times = &frame.stats().time_ms;
+        let sampling = Duration::from_secs_f64((times.trace + times.refine) * 1e-3);
         self.pace.took(started.elapsed().saturating_sub(sampling), wanted.budget);
-        (self.worker.send)(picture);
+        // Nobody is there to see it once the picture thread is gone.
+        let _ = deliver.send(Parcel { frame, wanted: wanted.clone(), view });
         Ok(())
     }
 
