@@ -1,5 +1,6 @@
 //! One frame, from camera to finished image: a script of the stages (design §1).
 
+mod ahead;
 mod kept;
 
 use std::sync::Arc;
@@ -18,7 +19,6 @@ use crate::reconstruct::frame_block::FrameBlock;
 use crate::reconstruct::leaves;
 use crate::reconstruct::nodes::{Corner, Matcher};
 use crate::reconstruct::paper;
-use crate::reconstruct::readback::PendingImage;
 use crate::reconstruct::show::{self, FrameData, LeafKind, Overlay};
 use crate::reconstruct::supersample;
 use crate::refine::mesh::Mesh;
@@ -35,6 +35,8 @@ use crate::trace::sample::Context;
 use crate::trace::{Rays, Settings, Tracer};
 use crate::visibility::{Adjacency, Class, Finder, Found};
 
+pub use ahead::Ahead;
+use ahead::Undelivered;
 pub use kept::Kept;
 use kept::{Painted, Samples};
 
@@ -97,47 +99,6 @@ pub struct Frame {
     pub image: FloatImage,
     /// What it took.
     pub stats: Stats,
-}
-
-/// A frame whose image is on its way to the host.
-pub struct Ahead {
-    image: Delivery,
-    overlay: Option<Overlay>,
-    stats: Stats,
-}
-
-enum Delivery {
-    Pending(PendingImage),
-    Done(FloatImage),
-}
-
-/// A frame whose image is still on the device.
-struct Undelivered {
-    mean: Option<FloatImage>,
-    overlay: Option<Overlay>,
-    stats: Stats,
-}
-
-impl Ahead {
-    /// What it took.
-    pub fn stats(&self) -> &Stats {
-        &self.stats
-    }
-
-    /// Waits for the image.
-    ///
-    /// # Errors
-    /// A lost device.
-    pub fn finish(self) -> Result<Frame> {
-        let image = match self.image {
-            Delivery::Pending(pending) => pending.finish()?,
-            Delivery::Done(image) => image,
-        };
-        Ok(Frame {
-            image: self.overlay.map_or(image.clone(), |overlay| overlay.over(&image)),
-            stats: self.stats,
-        })
-    }
 }
 
 impl<'s> Renderer<'s> {
@@ -293,21 +254,6 @@ impl<'s> Renderer<'s> {
         let Undelivered { mean, overlay, stats } = self.draw(view, after_step)?;
         let image = mean.map_or_else(|| self.painted.painter.read_image(), Ok)?;
         Ok(Frame { image: overlay.map_or(image.clone(), |overlay| overlay.over(&image)), stats })
-    }
-
-    /// As [`render`](Self::render), but the image may still be on its way to the host: it can be waited for, and the
-    /// next frame be rendered, on different threads.
-    ///
-    /// # Errors
-    /// No device memory left; a lost device.
-    pub fn render_ahead(&mut self, view: &View) -> Result<Ahead> {
-        let Undelivered { mean, overlay, stats } = self.draw(view, None)?;
-        let image = match mean {
-            None => self.painted.painter.start_reading()?.map(Delivery::Pending),
-            Some(image) => Some(Delivery::Done(image)),
-        };
-        let nothing = || Delivery::Done(FloatImage { width: 0, height: 0, pixels: Vec::new() });
-        Ok(Ahead { image: image.unwrap_or_else(nothing), overlay, stats })
     }
 
     /// Draws one frame; its image stays with the painter, unless it is a mean of several.

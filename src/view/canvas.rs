@@ -5,7 +5,7 @@ use std::ops::Range;
 use font8x8::legacy::BASIC_LEGACY;
 use glam::Vec2;
 
-use super::worker::Pixels;
+use super::exchange::Pixels;
 
 /// Side of a glyph's cell in pixels.
 pub const GLYPH: u32 = 8;

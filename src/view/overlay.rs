@@ -6,10 +6,10 @@ use glam::Vec3;
 
 use super::{
     canvas::{Color, GLYPH, LINE},
+    exchange::{Picture, Pixels},
     inspect::{Met, Segment},
     keys,
     viewer::Viewer,
-    worker::{Picture, Pixels},
 };
 use crate::{report::Stats, scene::View, trace::optics::BranchKind};
 

@@ -11,13 +11,13 @@ use super::{
     asked::Asked,
     camera::Orbit,
     command::render_line,
+    exchange::{Facts, Mailbox, Picture, Pixels, Update, Wanted},
     inspect::Path as SpecularPath,
     keys::{Action, Key},
     output,
     pointer::Drag,
     timing::Timing,
     watch::Watch,
-    worker::{Facts, Mailbox, Picture, Pixels, Update, Wanted},
 };
 use crate::{
     error::{Error, Result},

@@ -19,10 +19,11 @@ use winit::{
 
 use super::{
     Loader, Request,
+    exchange::{Mailbox, Update},
     keys::Key,
     script::{Ask, Script},
     viewer::{Button, Input, Viewer},
-    worker::{Mailbox, Update, Worker},
+    worker::Worker,
 };
 use crate::{
     error::{Error, Result},
