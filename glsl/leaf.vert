@@ -38,25 +38,32 @@ vec2 slot_coordinates(uint material, uint slot, vec4 sets) {
     return vec2(dot(u.xyz, at), dot(v.xyz, at));
 }
 
+// As in exact.frag, which reads no more of the outputs than are written here.
+layout(constant_id = 2) const uint LEAVES = LEAVES_ALL;
+
 void main() {
     Leaf leaf = leaves[gl_VertexIndex / 3];
     uint corner = gl_VertexIndex % 3;
     Vertex vertex = vertices[leaf.vertices[corner]];
+    gl_Position = frame.clip_from_eye_relative * vec4(vertex.position - frame.eye, 1.0);
+    if (LEAVES == LEAVES_TRACED) {
+        header = uvec4(leaf.nodes);
+        return;
+    }
     position = vertex.position;
     normal = vertex.normal;
-    uv = vec4(vertex.uv[0], vertex.uv[1]);
-    slot_uv = vec4(slot_coordinates(leaf.material, 0u, uv), slot_coordinates(leaf.material, 1u, uv));
+    vec4 sets = vec4(vertex.uv[0], vertex.uv[1]);
+    slot_uv = vec4(slot_coordinates(leaf.material, 0u, sets), slot_coordinates(leaf.material, 1u, sets));
     weights = vec3(corner == 0u, corner == 1u, corner == 2u);
-    color = HAS_VERTEX_COLORS ? vec4(unpackHalf2x16(vertex.color[0]), unpackHalf2x16(vertex.color[1])) : vec4(1.0);
-    tangent = vec4(0.0);
+    if (HAS_VERTEX_COLORS) color = vec4(unpackHalf2x16(vertex.color[0]), unpackHalf2x16(vertex.color[1]));
+    if ((FEATURES & FEATURE_DETAIL_TEXTURES) != 0u) uv = sets;
     if (HAS_NORMAL_TEXTURES) tangent = vec4(unpackHalf2x16(vertex.tangent[0]), unpackHalf2x16(vertex.tangent[1]));
     // What is Gouraud-shaded of reflection and transmission, before α: a texel a corner and branch.
     uint rest = leaf.nodes;
-    comb_reflected = vec3(0.0);
-    comb_transmitted = vec3(0.0);
+    vec3 comb[2] = vec3[2](vec3(0.0), vec3(0.0));
     if ((leaf.flags & LEAF_COMBINED) != 0u) {
-        comb_reflected = uintBitsToFloat(texelFetch(node_table, int(rest + 2u * corner)).xyz);
-        comb_transmitted = uintBitsToFloat(texelFetch(node_table, int(rest + 2u * corner + 1u)).xyz);
+        comb[0] = uintBitsToFloat(texelFetch(node_table, int(rest + 2u * corner)).xyz);
+        comb[1] = uintBitsToFloat(texelFetch(node_table, int(rest + 2u * corner + 1u)).xyz);
         rest += COMBINED_TEXELS;
     }
 
@@ -66,6 +73,9 @@ void main() {
     vec3 a = vertices[leaf.vertices[0]].position;
     facet = cross(vertices[leaf.vertices[1]].position - a, vertices[leaf.vertices[2]].position - a);
     material_constants(leaf.material, own);
+    if (LEAVES == LEAVES_PLAIN) return;
+    comb_reflected = comb[0];
+    comb_transmitted = comb[1];
     if (leaf.first_target != NO_TARGET) {
         uint material = scene_words(leaf.first_target + 1u).x;
         vec4 constants[4];
@@ -81,5 +91,4 @@ void main() {
     } else {
         for (uint i = 0u; i < 7u; ++i) first[i] = vec4(0.0);
     }
-    gl_Position = frame.clip_from_eye_relative * vec4(vertex.position - frame.eye, 1.0);
 }

@@ -458,7 +458,7 @@ impl Job<'_> {
                 Drawn::Exact(leaves::assemble(self.matcher, self.view, mesh, samples, traced, pixel_faces))
             }
             Reconstruction::Paper => {
-                Drawn::Paper(paper::assemble(scene, targets, base_textures, mesh, samples))
+                Drawn::Paper(paper::assemble(scene, targets, base_textures, self.view, mesh, samples))
             }
         }
     }

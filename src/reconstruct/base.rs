@@ -6,7 +6,7 @@ use super::leaves;
 use super::passes::{BaseDraw, BaseFaces};
 use super::table::SceneTable;
 use crate::scene::{AlphaMode, Scene};
-use crate::visibility::{Class, single_pass};
+use crate::visibility::{Class, Clusters, single_pass};
 
 /// Faces that are drawn without samples: all of them if nothing is traced, else occluders and blended faces.
 /// In a single pass those that need samples are drawn too, marked, until leaves take their place.
@@ -45,13 +45,12 @@ pub fn faces(
     for ((marked, cull, array), blended, objects) in groups.chain(blended) {
         let start = base.leaves.len() as u32;
         let centre = centre(scene, &objects);
-        for object in objects {
-            let faces = scene.objects[object].faces.clone();
-            let code = |face| if marked { single_pass::code(face) } else { 0 };
-            base.leaves.extend(faces.map(|face| leaves::base_leaf(scene, table, face, code(face))));
-        }
+        let faces: Vec<u32> =
+            objects.iter().flat_map(|&object| scene.objects[object].faces.clone()).collect();
+        let code = |face| if marked { single_pass::code(face) } else { 0 };
+        base.leaves.extend(faces.iter().map(|&face| leaves::base_leaf(scene, table, face, code(face))));
         base.draws.push(BaseDraw {
-            leaves: start..base.leaves.len() as u32,
+            clusters: Clusters::new(&scene.geometry, start, &faces),
             centre,
             array,
             cull,

@@ -20,7 +20,9 @@ use crate::gpu::{
 };
 use crate::options::{Equation, Reconstruction};
 use crate::report::image::FloatImage;
+use crate::scene::frustum::Frustum;
 use crate::spirv;
+use crate::visibility::clusters;
 
 /// Bindings of set 0: what all draws of a scene read.
 pub const SCENE_BINDINGS: [Binding; 4] = [
@@ -212,13 +214,14 @@ impl Painter {
                         (LEAVES_NODES, false),
                         (LEAVES_NODES, true),
                         (LEAVES_ALL, true),
+                        (LEAVES_TRACED, false),
                     ],
                     Reconstruction::Paper => &[(LEAVES_PLAIN, false), (LEAVES_NODES, false)],
                 };
                 keys.extend(kinds.iter().filter_map(|&(kind, mixed)| {
                     let arrays = [0, 0, if mixed { MIXED_ARRAYS } else { 0 }];
                     let key = |group| leaf_key(&self.options, *pass, index, group);
-                    drawn(index, kind).then(|| key(Group { kind, arrays }))
+                    drawn(index, kind).then(|| key(Group { kind, arrays, cut: false }))
                 }));
             }
         }
@@ -311,6 +314,7 @@ impl Painter {
             self.pipeline(key)?;
         }
         let blended = self.blended_draws(block.eye);
+        let frustum = block.frustum();
 
         self.uploads.write(&self.frame, 0, std::slice::from_ref(block))?;
         let drawn_for = self.fresh_base.take();
@@ -336,7 +340,7 @@ impl Painter {
         let record_opaque = |commands: &mut Draws<'_, '_>| {
             for (draw, key) in base_draws.iter().zip(&base_keys).filter(|(draw, _)| !draw.blended) {
                 let arrays = &array_sets[&[draw.array, 0, 0]];
-                record_base(commands, &pipelines[key], [scene_set, &base.set, arrays], draw);
+                record_base(commands, &pipelines[key], [scene_set, &base.set, arrays], draw, &frustum);
             }
         };
         if options.single_pass && !base_is_fresh {
@@ -378,6 +382,7 @@ impl Painter {
                             &pipelines[&base_keys[draw]],
                             [scene_set, &base.set, arrays],
                             &base_draws[draw],
+                            &frustum,
                         );
                     }
                 });
@@ -517,18 +522,21 @@ struct LeafDraw {
 }
 
 fn leaf_draws(leaves: &Drawn) -> Vec<LeafDraw> {
+    let mut draws = Vec::new();
     let mut start = 0;
-    let draw = |&(group, count): &(Group, u32)| {
+    for &(group, count) in leaves.groups() {
+        draws.extend(
+            clusters::split(start..start + count, group.cut).map(|leaves| LeafDraw { leaves, group }),
+        );
         start += count;
-        LeafDraw { leaves: start - count..start, group }
-    };
-    leaves.groups().iter().map(draw).collect()
+    }
+    draws
 }
 
-/// Whether leaves of kind `kind` are drawn in colour pass `index`: those without specular part only in the
-/// first.
+/// Whether leaves of kind `kind` are drawn in colour pass `index`: those without specular part, or with it in their
+/// traced pixels, only in the first.
 fn drawn(index: usize, kind: u32) -> bool {
-    index == 0 || kind != LEAVES_PLAIN
+    index == 0 || !matches!(kind, LEAVES_PLAIN | LEAVES_TRACED)
 }
 
 /// The arrays that are bound for a group: any where it needs none or several.
@@ -553,9 +561,12 @@ fn record_base(
     pipeline: &GraphicsPipeline,
     [scene, list, arrays]: [&DescriptorSet; 3],
     draw: &BaseDraw,
+    frustum: &Frustum,
 ) {
     commands.pipeline(pipeline).set(0, scene).set(1, list).set(2, arrays);
-    commands.draw(3 * draw.leaves.start..3 * draw.leaves.end);
+    for leaves in draw.clusters.draws(frustum) {
+        commands.draw(3 * leaves.start..3 * leaves.end);
+    }
 }
 
 impl Target {
