@@ -174,6 +174,11 @@ impl Painter {
         })
     }
 
+    /// The texture bank, for another painter.
+    pub fn into_bank(self) -> Bank {
+        self.bank
+    }
+
     /// The texture bank.
     pub fn bank(&self) -> &Bank {
         &self.bank

@@ -20,7 +20,7 @@ impl Pixels {
         Self { width, height, rgba: [r, g, b, 255].repeat(width as usize * height as usize) }
     }
 
-    /// The same picture at another size, its nearest pixels.
+    /// The same picture at another size, between its pixels linear in their bytes.
     pub fn scaled(&self, width: u32, height: u32) -> Self {
         if (self.width, self.height) == (width, height) {
             return self.clone();
@@ -28,14 +28,20 @@ impl Pixels {
         if self.rgba.is_empty() {
             return Self::filled(width, height, [0; 3]);
         }
-        let pick = |at: u32, of: u32, from: u32| (u64::from(at) * u64::from(from) / u64::from(of)) as usize;
+        let columns = between(width, self.width);
         let mut rgba = Vec::with_capacity(width as usize * height as usize * 4);
-        for y in 0..height {
-            let row = pick(y, height, self.height) * self.width as usize;
-            for x in 0..width {
-                let at = (row + pick(x, width, self.width)) * 4;
-                rgba.extend_from_slice(&self.rgba[at..at + 4]);
-            }
+        for (top, bottom, down) in between(height, self.height) {
+            let row = |y: usize| self.rgba[y * self.width as usize * 4..].as_chunks::<4>().0;
+            let (upper, lower) = (row(top), row(bottom));
+            rgba.extend(columns.iter().flat_map(|&(left, right, across)| {
+                let corners = [upper[left], upper[right], lower[left], lower[right]];
+                let mix = |a: u8, b: u8, share: u32| u32::from(a) * (256 - share) + u32::from(b) * share;
+                std::array::from_fn::<u8, 4, _>(|channel| {
+                    let [a, b, c, d] = corners.map(|pixel| pixel[channel]);
+                    let sum = mix(a, b, across) * (256 - down) + mix(c, d, across) * down;
+                    ((sum + (1 << 15)) >> 16) as u8
+                })
+            }));
         }
         Self { width, height, rgba }
     }
@@ -112,6 +118,19 @@ impl Pixels {
     }
 }
 
+/// Between which two of `from` pixels the centre of each of `of` lies, and how near to the second, 0 to 256.
+fn between(of: u32, from: u32) -> Vec<(usize, usize, u32)> {
+    let last = from.saturating_sub(1);
+    let place = |at: u32| {
+        let centre = (f64::from(at) + 0.5) * f64::from(from) / f64::from(of) - 0.5;
+        let centre = centre.clamp(0.0, last.into());
+        let first = centre as u32;
+        let share = ((centre - f64::from(first)) * 256.0) as u32;
+        (first as usize, (first + 1).min(last) as usize, share)
+    };
+    (0..of).map(place).collect()
+}
+
 /// The part of a line inside the image, a little more than that; `None` if there is none (Liang and Barsky).
 fn clip(from: Vec2, to: Vec2, size: Vec2) -> Option<(Vec2, Vec2)> {
     let (mut enter, mut leave) = (0.0_f32, 1.0_f32);
@@ -162,13 +181,16 @@ mod tests {
     }
 
     #[test]
-    fn scaling_takes_the_nearest_pixels() {
+    fn scaling_is_linear_between_centres() {
         let mut pixels = Pixels::filled(2, 1, [0; 3]);
         pixels.set(1, 0, [255; 3]);
         let wide = pixels.scaled(4, 2);
-        assert_eq!((wide.width, wide.height, lit(&wide)), (4, 2, 4));
-        assert_eq!(wide.rgba[..4], [0, 0, 0, 255]);
+        assert_eq!((wide.width, wide.height), (4, 2));
+        let row: Vec<u8> = wide.rgba.chunks_exact(4).map(|pixel| pixel[1]).collect();
+        assert_eq!(row, [0, 64, 191, 255].repeat(2));
+        assert!(wide.rgba.chunks_exact(4).all(|pixel| pixel[3] == 255));
         assert_eq!(pixels.scaled(1, 1).rgba.len(), 4);
+        assert_eq!(Pixels::filled(3, 5, [7; 3]).scaled(8, 4).rgba, Pixels::filled(8, 4, [7; 3]).rgba);
     }
 
     #[test]

@@ -43,8 +43,10 @@ impl Viewer {
             }
         }
         if let Some(path) = &self.path {
+            // The picture of a moving camera may be coarser than the window.
+            let view = View { width, height, ..picture.view };
             for segment in &path.segments {
-                draw(&mut canvas, &picture.view, segment);
+                draw(&mut canvas, &view, segment);
             }
         }
         if self.overlay && !self.help {
@@ -103,9 +105,16 @@ impl Viewer {
     }
 }
 
-fn stage_lines(stats: &Stats) -> [String; 3] {
-    let (t, faces) = (&stats.time_ms, &stats.faces);
+fn stage_lines(stats: &Stats) -> [String; 4] {
+    let (t, faces, image) = (&stats.time_ms, &stats.faces, &stats.image);
     [
+        format!(
+            "{} samples traced, {} kept; {}x{}",
+            stats.samples - stats.reused,
+            stats.reused,
+            image.width,
+            image.height
+        ),
         format!("{} rays, {} leaves: {} undefined", stats.rays.total, faces.leaves, faces.undefined),
         format!(
             "frame {:.1} ms: find {:.1} trace {:.1}",

@@ -3,7 +3,7 @@
 use std::{
     path::PathBuf,
     sync::Arc,
-    time::{Duration, Instant, SystemTime},
+    time::{Duration, Instant},
 };
 
 use super::{
@@ -16,6 +16,7 @@ use super::{
     output,
     pointer::Drag,
     timing::Timing,
+    watch::Watch,
     worker::{Facts, Mailbox, Picture, Pixels, Update, Wanted},
 };
 use crate::{
@@ -26,9 +27,6 @@ use crate::{
 
 /// The camera rests once it has not moved for this long.
 const REST: Duration = Duration::from_millis(150);
-
-/// How often the scene file is looked at.
-const POLL: Duration = Duration::from_millis(500);
 
 /// What a user does.
 #[derive(Debug, Clone, PartialEq)]
@@ -63,6 +61,8 @@ pub enum Input {
 pub enum Button {
     /// The left one.
     Left,
+    /// The one in the middle, or the wheel.
+    Middle,
     /// Any other.
     Right,
 }
@@ -72,6 +72,7 @@ pub struct Viewer {
     pub(super) asked: Asked,
     pub(super) source: (PathBuf, u32),
     pub(super) budget: Duration,
+    coarse: Option<u32>,
     exposure: f32,
     mailbox: Arc<Mailbox>,
     pub(super) facts: Option<Box<Facts>>,
@@ -92,8 +93,7 @@ pub struct Viewer {
     pub(super) pointer: (f64, f64),
     pub(super) pressed: Option<(Drag, (f64, f64))>,
     pub(super) held: (bool, bool),
-    polled: Instant,
-    seen: Option<SystemTime>,
+    watch: Watch,
     /// Whether the window shows an older state.
     pub(super) stale: bool,
     quit: bool,
@@ -106,6 +106,7 @@ impl Viewer {
             asked: Asked { options: request.options.clone(), lights: None, light: 0 },
             source: (request.scene.clone(), 0),
             budget: request.budget,
+            coarse: request.coarse,
             exposure: request.exposure,
             mailbox,
             facts: None,
@@ -124,8 +125,7 @@ impl Viewer {
             pointer: (0.0, 0.0),
             pressed: None,
             held: (false, false),
-            polled: Instant::now(),
-            seen: modified(&request.scene),
+            watch: Watch::new(&request.scene, Instant::now()),
             stale: true,
             quit: false,
         };
@@ -163,6 +163,7 @@ impl Viewer {
             Input::Press(button) => self.press(button),
             Input::Release => self.release(),
             Input::Pointer(x, y) => self.point(x, y),
+            Input::Wheel(notches) if self.held.1 => self.fly(|orbit, _| orbit.narrow(notches)),
             Input::Wheel(notches) => self.fly(|orbit, _| orbit.zoom(notches)),
             Input::Held { shift, ctrl } => self.held = (shift, ctrl),
             Input::Drop(file) => self.open(file),
@@ -184,7 +185,10 @@ impl Viewer {
     /// What ends the program.
     pub fn update(&mut self, update: Update) -> Result<()> {
         match update {
-            Update::Scene(facts) => self.facts = Some(facts),
+            Update::Scene(facts) => {
+                self.watch.beside(&facts.beside);
+                self.facts = Some(facts);
+            }
             Update::Picture(picture) => {
                 self.problem = None;
                 if self.picture.as_ref().is_none_or(|before| before.view != picture.view) {
@@ -223,16 +227,10 @@ impl Viewer {
             self.rests = None;
             self.want(None);
         }
-        if now >= self.polled + POLL {
-            self.polled = now;
-            let modified = modified(&self.source.0);
-            // A file that is being written is there again at one of the next looks.
-            if modified.is_some() && modified != self.seen {
-                self.seen = modified;
-                self.reload();
-            }
+        let (changed, poll) = self.watch.look(now);
+        if changed {
+            self.reload();
         }
-        let poll = self.polled + POLL;
         self.rests.map_or(poll, |rests| rests.min(poll))
     }
 
@@ -319,7 +317,7 @@ impl Viewer {
     }
 
     fn open(&mut self, file: PathBuf) {
-        self.seen = modified(&file);
+        self.watch = Watch::new(&file, Instant::now());
         self.source = (file, 0);
         self.orbit = None;
         self.path = None;
@@ -348,6 +346,7 @@ impl Viewer {
             lights: self.asked.lights.clone(),
             moving: self.rests.is_some(),
             budget: self.budget,
+            coarse: self.coarse,
             exposure: self.exposure,
             reference: self.split.is_some(),
             pixel,
@@ -360,8 +359,4 @@ impl Facts {
     fn orbit(&self, view: &View) -> Orbit {
         Orbit::from_view(view, self.focus, (self.bounds.1 - self.bounds.0).length(), self.origin)
     }
-}
-
-fn modified(file: &std::path::Path) -> Option<SystemTime> {
-    file.metadata().and_then(|data| data.modified()).ok()
 }

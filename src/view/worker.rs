@@ -7,7 +7,7 @@ use std::{
         Arc, Condvar, Mutex, MutexGuard, PoisonError,
         atomic::{AtomicBool, Ordering},
     },
-    time::Duration,
+    time::{Duration, Instant},
 };
 
 use glam::{DVec3, Vec3};
@@ -15,19 +15,23 @@ use glam::{DVec3, Vec3};
 use super::{
     encode,
     inspect::{self, Path as SpecularPath},
+    pace::Pace,
 };
 use crate::{
     error::{Error, Result},
-    frame::{Renderer, Step},
+    frame::{Frame, Kept, Renderer, Step},
     gpu::Gpu,
-    options::{EffortOptions, Options},
+    options::{EffortOptions, Options, ViewOptions},
     report::{FloatImage, Stats},
-    scene::{Camera, Light, Scene, View},
+    scene::{Camera, Light, Scene, View, gltf},
     trace::{Settings, Tracer, reference},
 };
 
 /// Budgets between two steps that are shown while the camera rests: each is drawn at the cost of refinement.
 const STEP_INTERVAL: u32 = 4;
+
+/// Bytes of samples that are kept from frame to frame: about half a million of them.
+const SAMPLE_BYTES: usize = 512 << 20;
 
 /// Reads and classifies a scene file.
 pub type Loader = Box<dyn Fn(&Path) -> Result<Scene> + Send>;
@@ -47,6 +51,9 @@ pub struct Wanted {
     pub moving: bool,
     /// Time that a frame may take while the camera moves.
     pub budget: Duration,
+    /// Pixels of the window along each side of a pixel that is drawn while the camera moves; as the budget allows if
+    /// `None`.
+    pub coarse: Option<u32>,
     /// Scale of the shown image, in stops.
     pub exposure: f32,
     /// Whether to trace the reference too.
@@ -68,6 +75,24 @@ impl Wanted {
             (a, b) => a.is_none() && b.is_none(),
         };
         self.source == other.source && same_lights && timeless(&self.options) == timeless(&other.options)
+    }
+
+    /// The last picture of a frame.
+    fn finished(&self, image: &FloatImage, view: View, stats: Stats) -> Update {
+        let progress = (stats.steps as u32, stats.samples, stats.predicted_error.unwrap_or(0.0) as f32);
+        self.picture(image, view, progress, Some(Box::new(stats)))
+    }
+
+    fn picture(
+        &self,
+        image: &FloatImage,
+        view: View,
+        progress: (u32, u64, f32),
+        stats: Option<Box<Stats>>,
+    ) -> Update {
+        let complete = !self.moving && stats.is_some();
+        let pixels = Pixels::encoded(image, self.exposure);
+        Update::Picture(Box::new(Picture { serial: self.serial, pixels, view, progress, stats, complete }))
     }
 }
 
@@ -97,6 +122,8 @@ pub struct Facts {
     pub cameras: Vec<Camera>,
     /// Lights, those added for want of any left out.
     pub lights: Vec<Light>,
+    /// Files that the scene was read from besides its own.
+    pub beside: Vec<PathBuf>,
 }
 
 /// Opaque RGBA bytes, row by row from the top.
@@ -108,6 +135,12 @@ pub struct Pixels {
     pub height: u32,
     /// `4 · width · height` bytes.
     pub rgba: Vec<u8>,
+}
+
+impl Pixels {
+    fn encoded(image: &FloatImage, exposure: f32) -> Self {
+        Self { width: image.width, height: image.height, rgba: encode::rgba(image, exposure) }
+    }
 }
 
 /// An image with what is known of it.
@@ -204,6 +237,9 @@ struct Loaded {
     lights: Vec<Light>,
     /// Where the headlight is, in a scene without lights of its own.
     headlight: Option<Vec3>,
+    /// What the last renderer has left.
+    kept: Option<Kept>,
+    pace: Pace,
 }
 
 impl Worker {
@@ -227,8 +263,8 @@ impl Worker {
         Ok(())
     }
 
-    /// Draws what is wanted until it takes another renderer; returns what does.
-    fn serve_source(&self, loaded: &mut Option<Loaded>, wanted: Wanted) -> Result<Option<Wanted>> {
+    /// Draws what is wanted until another scene is; returns what asks for it.
+    fn serve_source(&self, loaded: &mut Option<Loaded>, mut wanted: Wanted) -> Result<Option<Wanted>> {
         let current = match loaded.take() {
             Some(current) if current.source == wanted.source => loaded.insert(current),
             before => match (self.load)(&wanted.source.0) {
@@ -244,86 +280,106 @@ impl Worker {
                 }
             },
         };
-        current.light(&wanted)?;
-        let current = &*current;
-        let mut renderer = self.renderer(&current.scene, &wanted)?;
-        let tracer = OnceCell::new();
-        let mut wanted = wanted;
         loop {
-            match self.draw(&mut renderer, &current.scene, &tracer, &wanted) {
-                Ok(()) | Err(Error::Interrupted) => {}
-                Err(error) => return Err(error),
-            }
-            let Some(newer) = self.mailbox.next() else { return Ok(None) };
-            if !newer.shares_renderer(&wanted) || current.needs_light(&newer)? {
-                return Ok(Some(newer));
-            }
-            wanted = newer;
-        }
-    }
-
-    fn renderer<'s>(&self, scene: &'s Scene, wanted: &Wanted) -> Result<Renderer<'s>> {
-        let mut options = wanted.options.clone();
-        options.effort = moving_effort(wanted);
-        let mut renderer = Renderer::new(&self.gpu, scene, &options)?;
-        renderer.set_interrupt(self.mailbox.interrupt.clone());
-        match renderer.warm_up(&wanted.options.view.resolve(scene)?) {
-            // Something newer is wanted: what is drawn first will be slower.
-            Ok(_) | Err(Error::Interrupted) => Ok(renderer),
-            Err(error) => Err(error),
-        }
-    }
-
-    fn draw<'s>(
-        &self,
-        renderer: &mut Renderer<'s>,
-        scene: &'s Scene,
-        tracer: &OnceCell<Tracer<'s>>,
-        wanted: &Wanted,
-    ) -> Result<()> {
-        let view = wanted.options.view.resolve(scene)?;
-        let settings = Settings::new(&wanted.options.paths, &wanted.options.scene);
-        if let Some(pixel) = wanted.pixel {
-            let tracer = tracer.get_or_init(|| Tracer::new(scene));
-            (self.send)(Update::Path(inspect::follow(tracer, &settings, &view, pixel)));
-        }
-        let picture = |image: &FloatImage, progress, stats, complete| {
-            let pixels = Pixels {
-                width: image.width,
-                height: image.height,
-                rgba: encode::rgba(image, wanted.exposure),
-            };
-            let picture = Picture { serial: wanted.serial, pixels, view, progress, stats, complete };
-            (self.send)(Update::Picture(Box::new(picture)));
-        };
-        let frame = if wanted.moving {
-            renderer.set_effort(moving_effort(wanted));
-            renderer.render(&view)?
-        } else {
-            renderer.set_effort(wanted.options.effort.clone());
-            renderer.set_step_interval(wanted.budget * STEP_INTERVAL);
-            let mut show = |step: &Step| {
-                // Pictures of data exist once refinement ended.
-                if wanted.options.show.is_none() {
-                    let progress = (step.number, step.samples, step.predicted_error);
-                    picture(&step.image, progress, None, false);
+            current.light(&wanted)?;
+            let kept = current.kept.take();
+            let lit = &*current;
+            let mut artist = self.artist(lit, kept, &wanted)?;
+            let other = loop {
+                match artist.draw(&wanted) {
+                    Ok(()) | Err(Error::Interrupted) => {}
+                    Err(error) => return Err(error),
                 }
-                Ok(())
+                let Some(newer) = self.mailbox.next() else { return Ok(None) };
+                if !newer.shares_renderer(&wanted) || lit.needs_light(&newer)? {
+                    break newer;
+                }
+                wanted = newer;
             };
-            renderer.render_steps(&view, Some(&mut show))?
+            let Artist { renderer, pace, .. } = artist;
+            (current.kept, current.pace) = (Some(renderer.into_kept()), pace);
+            if other.source != current.source {
+                return Ok(Some(other));
+            }
+            wanted = other;
+        }
+    }
+
+    /// A renderer of the current scene, made of what the one before has left.
+    fn artist<'l>(&'l self, current: &'l Loaded, kept: Option<Kept>, wanted: &Wanted) -> Result<Artist<'l>> {
+        let Loaded { scene, pace, .. } = current;
+        let first = kept.is_none();
+        let mut renderer = Renderer::reusing(kept.unwrap_or_default(), &self.gpu, scene, &wanted.options)?;
+        renderer.set_interrupt(self.mailbox.interrupt.clone());
+        if first {
+            renderer.keep_samples(SAMPLE_BYTES);
+            renderer.warm_up(&wanted.options.view.resolve(scene)?)?;
+        }
+        Ok(Artist { worker: self, renderer, scene, tracer: OnceCell::new(), pace: *pace })
+    }
+}
+
+/// Draws one scene with one set of options.
+struct Artist<'l> {
+    worker: &'l Worker,
+    renderer: Renderer<'l>,
+    scene: &'l Scene,
+    /// For paths and the reference, where the renderer traces nothing itself.
+    tracer: OnceCell<Tracer<'l>>,
+    pace: Pace,
+}
+
+impl Artist<'_> {
+    fn draw(&mut self, wanted: &Wanted) -> Result<()> {
+        let view = wanted.options.view.resolve(self.scene)?;
+        let settings = Settings::new(&wanted.options.paths, &wanted.options.scene);
+        let send = &self.worker.send;
+        if let Some(pixel) = wanted.pixel {
+            send(Update::Path(inspect::follow(self.tracer(), &settings, &view, pixel)));
+        }
+        if wanted.moving {
+            return self.draw_moving(wanted);
+        }
+        self.renderer.set_effort(wanted.options.effort.clone());
+        self.renderer.set_step_interval(wanted.budget * STEP_INTERVAL);
+        let mut show = |step: &Step| {
+            // Pictures of data exist once refinement ended.
+            if wanted.options.show.is_none() {
+                let progress = (step.number, step.samples, step.predicted_error);
+                send(wanted.picture(&step.image, view, progress, None));
+            }
+            Ok(())
         };
-        let stats = frame.stats;
-        let progress = (stats.steps as u32, stats.samples, stats.predicted_error.unwrap_or(0.0) as f32);
-        picture(&frame.image, progress, Some(Box::new(stats)), !wanted.moving);
-        if wanted.reference && !wanted.moving {
-            let tracer = tracer.get_or_init(|| Tracer::new(scene));
-            let interrupt = &self.mailbox.interrupt;
-            let traced = reference::render(tracer, &view, &settings, 1, None, interrupt, &|_| {})?;
+        let Frame { image, stats } = self.renderer.render_steps(&view, Some(&mut show))?;
+        send(wanted.finished(&image, view, stats));
+        if wanted.reference {
+            let interrupt = &self.worker.mailbox.interrupt;
+            let traced = reference::render(self.tracer(), &view, &settings, 1, None, interrupt, &|_| {})?;
             let image = FloatImage { width: view.width, height: view.height, pixels: traced.image };
-            let rgba = encode::rgba(&image, wanted.exposure);
-            (self.send)(Update::Reference(Pixels { width: view.width, height: view.height, rgba }));
+            send(Update::Reference(Pixels::encoded(&image, wanted.exposure)));
         }
         Ok(())
+    }
+
+    /// Draws one frame within the budget, coarser if that is what it takes.
+    fn draw_moving(&mut self, wanted: &Wanted) -> Result<()> {
+        let started = Instant::now();
+        let coarse = wanted.coarse.unwrap_or(self.pace.coarse());
+        let ViewOptions { width, height, .. } = wanted.options.view;
+        let (width, height) = (width.div_ceil(coarse), height.div_ceil(coarse));
+        let view = ViewOptions { width, height, ..wanted.options.view.clone() }.resolve(self.scene)?;
+        self.renderer.set_effort(moving_effort(wanted));
+        let Frame { image, stats } = self.renderer.render(&view)?;
+        self.renderer.learn_reserve();
+        let sampling = Duration::from_secs_f64((stats.time_ms.trace + stats.time_ms.refine) * 1e-3);
+        let picture = wanted.finished(&image, view, stats);
+        self.pace.took(started.elapsed().saturating_sub(sampling), wanted.budget);
+        (self.worker.send)(picture);
+        Ok(())
+    }
+
+    fn tracer(&self) -> &Tracer<'_> {
+        self.renderer.tracer().unwrap_or_else(|| self.tracer.get_or_init(|| Tracer::new(self.scene)))
     }
 }
 
@@ -344,7 +400,14 @@ fn moving_effort(wanted: &Wanted) -> EffortOptions {
 
 impl Loaded {
     fn new(scene: Scene, source: (PathBuf, u32)) -> Self {
-        Self { source, lights: scene.lights.clone(), scene, headlight: None }
+        Self {
+            source,
+            lights: scene.lights.clone(),
+            scene,
+            headlight: None,
+            kept: None,
+            pace: Pace::default(),
+        }
     }
 
     fn facts(&self) -> Facts {
@@ -356,6 +419,7 @@ impl Loaded {
             origin: *origin,
             cameras: cameras.clone(),
             lights: self.lights.clone(),
+            beside: gltf::files_beside(&self.source.0, &gltf::Limits::default()),
         }
     }
 
