@@ -9,8 +9,8 @@
 #include "frame.glsl"
 #include "leaf.glsl"
 #include "material_constants.glsl"
+#include "vertex_fetch.glsl"
 
-layout(set = 1, binding = 0, scalar) readonly buffer Vertices { Vertex vertices[]; };
 layout(set = 1, binding = 1, scalar) readonly buffer Leaves { Leaf leaves[]; };
 layout(set = 1, binding = 2) uniform usamplerBuffer node_table;
 
@@ -41,15 +41,14 @@ vec2 slot_coordinates(uint material, uint slot, vec4 sets) {
 void main() {
     Leaf leaf = leaves[gl_VertexIndex / 3];
     uint corner = gl_VertexIndex % 3;
-    Vertex vertex = vertices[leaf.vertices[corner]];
+    Vertex vertex = fetch_vertex(leaf.vertices[corner]);
     position = vertex.position;
     normal = vertex.normal;
-    uv = vec4(vertex.uv[0], vertex.uv[1]);
+    uv = vertex.uv;
     slot_uv = vec4(slot_coordinates(leaf.material, 0u, uv), slot_coordinates(leaf.material, 1u, uv));
     weights = vec3(corner == 0u, corner == 1u, corner == 2u);
-    color = HAS_VERTEX_COLORS ? vec4(unpackHalf2x16(vertex.color[0]), unpackHalf2x16(vertex.color[1])) : vec4(1.0);
-    tangent = vec4(0.0);
-    if (HAS_NORMAL_TEXTURES) tangent = vec4(unpackHalf2x16(vertex.tangent[0]), unpackHalf2x16(vertex.tangent[1]));
+    color = vertex.color;
+    tangent = vertex.tangent;
     // What is Gouraud-shaded of reflection and transmission, before α: a texel a corner and branch.
     uint rest = leaf.nodes;
     comb_reflected = vec3(0.0);
@@ -63,8 +62,8 @@ void main() {
     header = uvec4(leaf.material, leaf.lit, rest, leaf.flags);
     uvec4 textures = scene_words(leaf.material + 4u);
     references = uvec4(textures.x, textures.y, leaf.first_target, leaf.first_lit);
-    vec3 a = vertices[leaf.vertices[0]].position;
-    facet = cross(vertices[leaf.vertices[1]].position - a, vertices[leaf.vertices[2]].position - a);
+    vec3 a = vertex_position(leaf.vertices[0]);
+    facet = cross(vertex_position(leaf.vertices[1]) - a, vertex_position(leaf.vertices[2]) - a);
     material_constants(leaf.material, own);
     if (leaf.first_target != NO_TARGET) {
         uint material = scene_words(leaf.first_target + 1u).x;

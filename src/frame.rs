@@ -22,6 +22,7 @@ use crate::reconstruct::passes::{Painter, PassOptions};
 use crate::reconstruct::show::{self, FrameData, LeafKind, Overlay};
 use crate::reconstruct::supersample;
 use crate::reconstruct::table::SceneTable;
+use crate::reconstruct::vertex::VertexLayout;
 use crate::refine::mesh::Mesh;
 use crate::refine::pixels::{Shown, TracedPixel};
 use crate::refine::predict::Predictor;
@@ -126,7 +127,7 @@ impl<'s> Renderer<'s> {
             scene.materials.iter().map(|m| bank.reference(m.base_color_texture)).collect();
         let single_pass = traced.is_some() && options.method.visibility == VisibilityWay::SinglePass;
         let classes = traced.as_ref().map(|traced| traced.classes.as_slice());
-        let base = base::faces(scene, &table, &base_textures, classes, single_pass);
+        let base = base::faces(scene, &table, plan.vertex_layout(), &base_textures, classes, single_pass);
         let pass_options = PassOptions {
             reconstruction: options.method.reconstruction,
             passes: plan.passes.clone(),
@@ -263,6 +264,7 @@ impl<'s> Renderer<'s> {
                 let job = Job {
                     topology: &plan.topology,
                     matcher: &matcher,
+                    layout: plan.vertex_layout(),
                     settings: &self.settings,
                     options: &self.options,
                     view,
@@ -334,6 +336,7 @@ impl<'s> Renderer<'s> {
 struct Job<'a> {
     topology: &'a Topology,
     matcher: &'a Matcher<'a>,
+    layout: VertexLayout,
     settings: &'a Settings,
     options: &'a Options,
     view: &'a View,
@@ -455,7 +458,8 @@ impl Job<'_> {
         let Matcher { scene, targets, base_textures, .. } = self.matcher;
         match self.options.method.reconstruction {
             Reconstruction::Exact => {
-                Drawn::Exact(leaves::assemble(self.matcher, self.view, mesh, samples, traced, pixel_faces))
+                let Self { matcher, layout, view, .. } = *self;
+                Drawn::Exact(leaves::assemble(matcher, layout, view, mesh, samples, traced, pixel_faces))
             }
             Reconstruction::Paper => {
                 Drawn::Paper(paper::assemble(scene, targets, base_textures, mesh, samples))

@@ -7,13 +7,14 @@ mod measure;
 mod rungs;
 
 use common::TestGpu;
-use glam::{Vec3, vec3};
+use glam::{Vec3, vec3, vec4};
 use measure::{Counts, Taken, plain, take, take_scene};
 use rungs::Rung;
 use vertex_tracing::{
     gpu::census::Kind,
     options::{Mode, Options},
     plan::{Plan, Summary},
+    reconstruct::passes::list_bytes,
     report::metrics::{Encoding, compare},
     scene::{
         Camera, Sampler, Scene,
@@ -197,6 +198,63 @@ fn mips_exist_where_a_sampler_asks_for_them() {
     }
 }
 
+/// Words of a vertex under the plan of `scene`, as `Kind::Buffer` counts its faces drawn without samples.
+fn vertex_words(scene: &Scene, options: &Options) -> u32 {
+    let layout = Plan::new(scene, options).vertex_layout();
+    let gpu = TestGpu::open();
+    let planned = take_scene(&gpu, scene, options, 1).unwrap();
+    gpu.finish();
+    let bytes = planned.census.named(Kind::Buffer, "base vertices").bytes;
+    assert_eq!(bytes, list_bytes(scene.geometry.positions.len() as u64 * layout.bytes()));
+    layout.words
+}
+
+#[test]
+fn vertices_have_the_attributes_that_are_needed() {
+    let [position, normal, uv] = [3, 3, 2];
+    let words = |rung: Rung| vertex_words(&rung.scene().unwrap(), &rung.options(SIZE));
+    assert_eq!(words(Rung::Flat), position);
+    assert_eq!(words(Rung::Texture), position + uv);
+    assert_eq!(words(Rung::Lights), position + normal);
+    let everything = Options { everything: true, ..options() };
+    assert_eq!(Plan::new(&Rung::Flat.scene().unwrap(), &everything).vertex_layout().words, 14);
+
+    // A picture of each choice against that with all attributes.
+    let mut choices: Vec<Scene> = vec![Rung::Texture.scene().unwrap()];
+    let changed = |change: &dyn Fn(&mut Scene)| {
+        let mut scene = Rung::MirrorAndTextures.scene().unwrap();
+        change(&mut scene);
+        scene
+    };
+    choices.push(changed(&|scene| {
+        scene.geometry.uvs.swap(0, 1);
+        for material in &mut scene.materials {
+            material.base_color_texture.iter_mut().for_each(|slot| slot.uv_set = 1);
+        }
+    }));
+    choices.push(changed(&|scene| {
+        let shade = |v: usize| vec4(1.0, (v % 3) as f32 / 2.0, 0.5, 1.0);
+        scene.geometry.colors = (0..scene.geometry.positions.len()).map(shade).collect();
+    }));
+    choices.push(changed(&|scene| {
+        scene.geometry.tangents = vec![vec4(1.0, 0.0, 0.0, 1.0); scene.geometry.positions.len()];
+        let bumps = scene.materials.iter().find_map(|material| material.base_color_texture);
+        scene.materials.iter_mut().for_each(|material| material.normal_texture = bumps);
+    }));
+    let mut layouts = Vec::new();
+    for scene in &choices {
+        let gpu = TestGpu::open();
+        let [planned, all] =
+            [false, true].map(|everything| gpu.render(scene, &Options { everything, ..options() }).image);
+        gpu.finish();
+        let compared = compare(&all, &planned, None, Encoding::Srgb).unwrap();
+        assert!(compared.max < 0.02 && compared.rmse < 1e-3, "{compared:?}");
+        layouts.push(Plan::new(scene, &options()).vertex_layout());
+    }
+    assert!(layouts[1].uv[0] == 0 && layouts[1].uv[1] != 0);
+    assert!(layouts[2].color != 0 && layouts[2].tangent == 0 && layouts[3].tangent != 0);
+}
+
 #[test]
 fn passes_of_branches_that_no_object_has_are_left_out() {
     for (rung, absent) in [(Rung::Mirror, &["transmitted", "transmitted combined"][..]), (Rung::Glass, &[])] {
@@ -218,11 +276,12 @@ fn the_last_rung_leaves_nothing_of_the_scene_out() {
     let plan = Plan::new(&Rung::All.scene().unwrap(), &options());
     let expected = [
         "metalness and roughness texture",
-        "normal map",
+        "normal map, tangents of vertices",
         "highlight strength texture",
         "highlight colour texture",
         "transmission texture",
-        "vertex colours",
+        "second texture coordinates of vertices",
+        "colours of vertices",
         "directional lights",
         "spot lights",
         "ranges of lights",

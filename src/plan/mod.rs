@@ -11,6 +11,7 @@ use crate::constants::*;
 use crate::options::{FilterMode, Msaa, Options, Reconstruction, Shadows, Ss};
 use crate::reconstruct::bank::Wanted;
 use crate::reconstruct::passes::{ColorPass, color_passes};
+use crate::reconstruct::vertex::VertexLayout;
 use crate::report::stats::LeftOut;
 use crate::scene::{Background, LightKind, Scene, patch::Targets, topology::Topology};
 use needs::{Needs, Used};
@@ -126,6 +127,23 @@ impl Plan {
         for (slot, what) in needs::SLOTS.iter().enumerate() {
             feature(used.slots >> slot & 1 == 1, 1 << slot, what, "no material in use has one that shows");
         }
+        feature(
+            used.shaded,
+            FEATURE_NORMALS,
+            "normals of vertices",
+            "all objects are unlit, and none is specular",
+        );
+        for (set, bit, what) in [
+            (0, FEATURE_FIRST_UV, "texture coordinates of vertices"),
+            (1, FEATURE_SECOND_UV, "second texture coordinates of vertices"),
+        ] {
+            feature(
+                used.uv_sets >> set & 1 == 1,
+                bit,
+                what,
+                "no texture that shows takes its place from them",
+            );
+        }
         feature(used.emission, FEATURE_EMISSION, "emission", "no material in use emits");
         feature(
             lit && used.glossy,
@@ -136,7 +154,7 @@ impl Plan {
         feature(
             !scene.geometry.colors.is_empty(),
             FEATURE_VERTEX_COLORS,
-            "vertex colours",
+            "colours of vertices",
             "no mesh has any",
         );
         feature(used.masked, FEATURE_ALPHA_TEST, "alpha test", "no material in use has alpha mode MASK");
@@ -239,6 +257,11 @@ impl Plan {
     /// Whether anything is traced: hierarchy, visibility, samples.
     pub fn traces(&self) -> bool {
         self.specular || self.receivers
+    }
+
+    /// Which attributes the vertices of leaves have.
+    pub fn vertex_layout(&self) -> VertexLayout {
+        VertexLayout::of(self.features)
     }
 }
 

@@ -49,7 +49,7 @@ pub const SLOTS: [&str; 7] = [
     "base colour texture",
     "emission texture",
     "metalness and roughness texture",
-    "normal map",
+    "normal map, tangents of vertices",
     "highlight strength texture",
     "highlight colour texture",
     "transmission texture",
@@ -66,8 +66,12 @@ pub struct Used {
     pub reflects: bool,
     /// Whether any specular object transmits.
     pub transmits: bool,
+    /// Whether any object has a normal that shows.
+    pub shaded: bool,
     /// Slots with a texture that shows, a bit each, in the order of [`slots`].
     pub slots: u32,
+    /// Sets of texture coordinates that they read, a bit each.
+    pub uv_sets: u32,
     /// Which textures show.
     pub textures: Vec<bool>,
     /// Whether any material emits.
@@ -89,6 +93,7 @@ impl Used {
             let transmits = material.transmission > 0.0 && material.metallic < 1.0;
             used.specular |= object.vt;
             used.lit |= !object.vt && !material.unlit;
+            used.shaded |= object.vt || !material.unlit;
             used.reflects |= object.vt && (material.metallic > 0.0 || transmits || fresnel);
             used.transmits |= object.vt && transmits;
             used.emission |= emits(material);
@@ -98,6 +103,7 @@ impl Used {
             for (index, slot) in showing(material).into_iter().enumerate() {
                 let Some(slot) = slot else { continue };
                 used.slots |= 1 << index;
+                used.uv_sets |= 1 << slot.uv_set;
                 used.textures[slot.texture as usize] = true;
             }
         }
