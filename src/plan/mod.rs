@@ -2,6 +2,7 @@
 
 mod cost;
 mod needs;
+mod recursion;
 mod summary;
 
 pub use cost::{Cost, Resource};
@@ -13,7 +14,7 @@ use crate::reconstruct::bank::Wanted;
 use crate::reconstruct::passes::{ColorPass, color_passes};
 use crate::reconstruct::vertex::VertexLayout;
 use crate::report::stats::LeftOut;
-use crate::scene::{Background, LightKind, Scene, patch::Targets, topology::Topology};
+use crate::scene::{Background, LightKind, Scene, Unread, patch::Targets, topology::Topology};
 use needs::{Needs, Used};
 
 /// The stages, passes, textures and shader features of a frame.
@@ -50,6 +51,17 @@ impl Plan {
         let mut needs = Needs::new(options.everything);
         let lit = !scene.lights.is_empty();
 
+        // What the file brings and what it lacks.
+        for Unread { what, count, of, bytes, why } in &scene.unread {
+            let bytes = if *bytes > 0 { format!(", {bytes} bytes") } else { String::new() };
+            needs.leave_out(&format!("{count} of {of} {what} of the file{bytes}"), why);
+        }
+        needs.option(
+            scene.ambient == 0.0,
+            "light from the camera, ambient light",
+            "only a file without lights is given them",
+        );
+
         // Tracing.
         let specular = needs.part(used.specular, "specular tracing", "no object is specular");
         let shadows = lit && options.scene.shadows != Shadows::None && (used.specular || used.lit);
@@ -74,18 +86,21 @@ impl Plan {
         );
         let topology = if traces { Topology::new(&scene.geometry) } else { Topology::default() };
         let targets = if specular { Targets::new(scene, &topology) } else { Targets::default() };
-        let recursive = needs.part(
-            !used.specular || options.paths.depth <= 1 || !needs::in_one_plane(scene),
-            "paths of more than one bounce",
-            "all specular faces lie in one plane and cannot see each other",
-        );
-        let depth = if recursive { options.paths.depth } else { 1 };
-        let pixels = !options.effort.preview && options.method.reconstruction == Reconstruction::Exact;
-        needs.option(
-            used.specular && !pixels,
-            "pixels traced one by one",
-            "--preview or --reconstruction paper",
-        );
+        let mut depth = options.paths.depth;
+        if specular {
+            let recursive = needs.part(
+                depth <= 1 || recursion::can_meet(scene, &topology),
+                "paths of more than one bounce",
+                "no specular object can see another, or itself",
+            );
+            depth = if recursive { depth } else { 1 };
+            let exact = options.method.reconstruction == Reconstruction::Exact;
+            needs.option(
+                options.effort.preview || !exact,
+                "pixels traced one by one",
+                "--preview or --reconstruction paper",
+            );
+        }
 
         // Specular passes; without specular objects said above already.
         let mut absent = 0;

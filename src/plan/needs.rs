@@ -39,7 +39,8 @@ impl Needs {
         }
     }
 
-    fn leave_out(&mut self, what: &str, why: &str) {
+    /// Notes a part that is left out whatever is asked for.
+    pub fn leave_out(&mut self, what: &str, why: &str) {
         self.left_out.push(LeftOut { what: what.into(), why: why.into() });
     }
 }
@@ -135,25 +136,4 @@ fn showing(material: &Material) -> [Option<TextureSlot>; 7] {
     let mut slots = slots(material);
     slots.iter_mut().zip(shows).filter(|(_, shows)| !shows).for_each(|(slot, _)| *slot = None);
     slots
-}
-
-/// Distance from their common plane, as a share of their extent, that faces in one plane may have.
-const FLAT: f32 = 1e-6;
-
-/// Whether all specular faces lie in one plane: what leaves it, lifted above its facet, never meets it again.
-///
-/// Convex bodies do not see themselves either; but a sample at a vertex of one starts from a normal between
-/// those of its faces, and can graze the next of them.
-pub fn in_one_plane(scene: &Scene) -> bool {
-    let faces = || scene.objects.iter().filter(|object| object.vt).flat_map(|object| object.faces.clone());
-    let geometry = &scene.geometry;
-    let Some(first) = faces().next() else { return true };
-    let normal = geometry.area_normal(first).normalize_or_zero();
-    let origin = geometry.corners(first)[0];
-    let extent = faces()
-        .flat_map(|face| geometry.corners(face))
-        .fold(0.0_f32, |extent, corner| extent.max(corner.distance(origin)));
-    faces()
-        .flat_map(|face| geometry.corners(face))
-        .all(|corner| (corner - origin).dot(normal).abs() <= FLAT * extent)
 }
