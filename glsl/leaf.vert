@@ -9,8 +9,8 @@
 #include "frame.glsl"
 #include "leaf.glsl"
 #include "material_constants.glsl"
+#include "vertex_fetch.glsl"
 
-layout(set = 1, binding = 0, scalar) readonly buffer Vertices { Vertex vertices[]; };
 layout(set = 1, binding = 1, scalar) readonly buffer Leaves { Leaf leaves[]; };
 layout(set = 1, binding = 2) uniform usamplerBuffer node_table;
 
@@ -44,20 +44,23 @@ layout(constant_id = 2) const uint LEAVES = LEAVES_ALL;
 void main() {
     Leaf leaf = leaves[gl_VertexIndex / 3];
     uint corner = gl_VertexIndex % 3;
-    Vertex vertex = vertices[leaf.vertices[corner]];
-    gl_Position = frame.clip_from_eye_relative * vec4(vertex.position - frame.eye, 1.0);
+    uint vertex_index = leaf.vertices[corner];
     if (LEAVES == LEAVES_TRACED) {
+        position = vertex_position(vertex_index);
+        gl_Position = frame.clip_from_eye_relative * vec4(position - frame.eye, 1.0);
         header = uvec4(leaf.nodes);
         return;
     }
+    Vertex vertex = fetch_vertex(vertex_index);
+    gl_Position = frame.clip_from_eye_relative * vec4(vertex.position - frame.eye, 1.0);
     position = vertex.position;
     normal = vertex.normal;
-    vec4 sets = vec4(vertex.uv[0], vertex.uv[1]);
-    slot_uv = vec4(slot_coordinates(leaf.material, 0u, sets), slot_coordinates(leaf.material, 1u, sets));
+    slot_uv =
+        vec4(slot_coordinates(leaf.material, 0u, vertex.uv), slot_coordinates(leaf.material, 1u, vertex.uv));
     weights = vec3(corner == 0u, corner == 1u, corner == 2u);
-    if (HAS_VERTEX_COLORS) color = vec4(unpackHalf2x16(vertex.color[0]), unpackHalf2x16(vertex.color[1]));
-    if ((FEATURES & FEATURE_DETAIL_TEXTURES) != 0u) uv = sets;
-    if (HAS_NORMAL_TEXTURES) tangent = vec4(unpackHalf2x16(vertex.tangent[0]), unpackHalf2x16(vertex.tangent[1]));
+    if (HAS_VERTEX_COLORS) color = vertex.color;
+    if ((FEATURES & FEATURE_DETAIL_TEXTURES) != 0u) uv = vertex.uv;
+    if (HAS_NORMAL_TEXTURES) tangent = vertex.tangent;
     // What is Gouraud-shaded of reflection and transmission, before α: a texel a corner and branch.
     uint rest = leaf.nodes;
     vec3 comb[2] = vec3[2](vec3(0.0), vec3(0.0));
@@ -70,8 +73,8 @@ void main() {
     header = uvec4(leaf.material, leaf.lit, rest, leaf.flags);
     uvec4 textures = scene_words(leaf.material + 4u);
     references = uvec4(textures.x, textures.y, leaf.first_target, leaf.first_lit);
-    vec3 a = vertices[leaf.vertices[0]].position;
-    facet = cross(vertices[leaf.vertices[1]].position - a, vertices[leaf.vertices[2]].position - a);
+    vec3 a = vertex_position(leaf.vertices[0]);
+    facet = cross(vertex_position(leaf.vertices[1]) - a, vertex_position(leaf.vertices[2]) - a);
     material_constants(leaf.material, own);
     if (LEAVES == LEAVES_PLAIN) return;
     comb_reflected = comb[0];

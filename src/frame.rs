@@ -20,6 +20,7 @@ use crate::reconstruct::nodes::{Corner, Matcher};
 use crate::reconstruct::paper;
 use crate::reconstruct::show::{self, FrameData, LeafKind, Overlay};
 use crate::reconstruct::supersample;
+use crate::reconstruct::vertex::VertexLayout;
 use crate::refine::mesh::Mesh;
 use crate::refine::pixels::{Shown, TracedPixel};
 use crate::refine::predict::Predictor;
@@ -279,6 +280,7 @@ impl<'s> Renderer<'s> {
                 let job = Job {
                     topology: &plan.topology,
                     matcher: &matcher,
+                    layout: plan.vertex_layout(),
                     settings: &self.settings,
                     options: &self.options,
                     view,
@@ -351,6 +353,7 @@ impl<'s> Renderer<'s> {
 struct Job<'a> {
     topology: &'a Topology,
     matcher: &'a Matcher<'a>,
+    layout: VertexLayout,
     settings: &'a Settings,
     options: &'a Options,
     view: &'a View,
@@ -475,7 +478,8 @@ impl Job<'_> {
         let Matcher { scene, targets, base_textures, .. } = self.matcher;
         match self.options.method.reconstruction {
             Reconstruction::Exact => {
-                Drawn::Exact(leaves::assemble(self.matcher, self.view, mesh, samples, traced, pixel_faces))
+                let Self { matcher, layout, view, .. } = *self;
+                Drawn::Exact(leaves::assemble(matcher, layout, view, mesh, samples, traced, pixel_faces))
             }
             Reconstruction::Paper => {
                 Drawn::Paper(paper::assemble(scene, targets, base_textures, self.view, mesh, samples))

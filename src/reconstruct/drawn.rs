@@ -1,7 +1,8 @@
 //! What a frame draws of leaves, whichever way they are reconstructed.
 
-use super::leaves::{GpuLeaf, GpuVertex, Group, Leaves};
+use super::leaves::{GpuLeaf, Group, Leaves};
 use super::paper::{PaperLeaf, PaperLeaves, PaperVertex};
+use super::vertex::VertexLayout;
 use crate::options::Reconstruction;
 
 /// The assembled leaves of a frame.
@@ -15,11 +16,11 @@ pub enum Drawn {
 
 impl Drawn {
     /// One blank leaf at one blank vertex: something to draw with every pipeline.
-    pub fn blank(reconstruction: Reconstruction) -> Self {
+    pub fn blank(reconstruction: Reconstruction, layout: VertexLayout) -> Self {
         use bytemuck::Zeroable;
         match reconstruction {
             Reconstruction::Exact => Self::Exact(Leaves {
-                vertices: vec![GpuVertex::zeroed()],
+                vertices: vec![0; layout.words as usize],
                 leaves: vec![GpuLeaf::zeroed()],
                 ..Leaves::default()
             }),

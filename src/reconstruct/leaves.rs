@@ -3,35 +3,20 @@
 use std::collections::BTreeMap;
 
 use bytemuck::{Pod, Zeroable};
-use glam::{Vec2, Vec3, Vec4};
+use glam::Vec3;
 use half::f16;
 use rayon::prelude::*;
 use rustc_hash::{FxHashMap, FxHashSet};
 
 use super::nodes::{Corner, LeafNodes, Matcher};
-use super::table::{SceneTable, Texel, floats};
+use super::table::{Texel, floats};
+use super::vertex::{Attributes, VertexLayout};
 use crate::constants::*;
-use crate::refine::mesh::Mesh;
+use crate::refine::mesh::{Mesh, Vertex};
 use crate::refine::pixels::{self, TracedPixel};
 use crate::refine::samples::Samples;
 use crate::scene::frustum::{Frustum, Overlap};
-use crate::scene::{AlphaMode, Geometry, Scene, View};
-
-/// A vertex: glsl/leaf.glsl `Vertex`.
-#[repr(C)]
-#[derive(Debug, Clone, Copy, Pod, Zeroable)]
-pub struct GpuVertex {
-    /// Relative to the scene's origin.
-    pub position: Vec3,
-    /// Interpolated linearly, not of unit length.
-    pub normal: Vec3,
-    /// Both sets of texture coordinates.
-    pub uv: [Vec2; 2],
-    /// Linear vertex colour.
-    pub color: [f16; 4],
-    /// Tangent and handedness.
-    pub tangent: [f16; 4],
-}
+use crate::scene::{AlphaMode, View};
 
 /// A leaf: glsl/leaf.glsl `Leaf`.
 #[repr(C)]
@@ -93,8 +78,8 @@ pub fn array_of(reference: u32) -> u32 {
 /// Everything that one frame draws of leaves.
 #[derive(Debug, Default)]
 pub struct Leaves {
-    /// Vertices of the refined mesh.
-    pub vertices: Vec<GpuVertex>,
+    /// Words of the vertices of the refined mesh.
+    pub vertices: Vec<u32>,
     /// Leaves, by group.
     pub leaves: Vec<GpuLeaf>,
     /// The groups in the order of `leaves`, with the number of leaves of each.
@@ -126,43 +111,10 @@ impl Leaves {
     }
 }
 
-impl GpuVertex {
-    fn new(position: Vec3, normal: Vec3, uv: [Vec2; 2], color: Vec4, tangent: Vec4) -> Self {
-        let halves = |value: Vec4| value.to_array().map(f16::from_f32);
-        Self { position, normal, uv, color: halves(color), tangent: halves(tangent) }
-    }
-}
-
-/// Vertices of all faces of a scene, for faces that are drawn without samples.
-pub fn base_vertices(geometry: &Geometry) -> Vec<GpuVertex> {
-    (0..geometry.positions.len() as u32)
-        .into_par_iter()
-        .map(|v| {
-            let tangent = geometry.tangents.get(v as usize).copied().unwrap_or(Vec4::X);
-            let uv = [geometry.uv(0, v), geometry.uv(1, v)];
-            let index = v as usize;
-            GpuVertex::new(geometry.positions[index], geometry.normals[index], uv, geometry.color(v), tangent)
-        })
-        .collect()
-}
-
-/// The leaf record of a face that is drawn without samples: every light shines on it. `code` is its
-/// primary-face code, the bits of a half (see [`single_pass`](crate::visibility::single_pass)); 0 for none.
-pub fn base_leaf(scene: &Scene, table: &SceneTable, face: u32, code: u16) -> GpuLeaf {
-    let object = scene.geometry.face_objects[face as usize];
-    GpuLeaf {
-        vertices: scene.geometry.faces[face as usize],
-        material: table.material(scene.objects[object as usize].material),
-        lit: u32::MAX,
-        nodes: code.into(),
-        first_target: NO_TARGET,
-        ..GpuLeaf::zeroed()
-    }
-}
-
-/// Assembles the leaves of `mesh`, in parallel and in an order that depends on the mesh alone.
+/// Assembles the leaves of `mesh` with vertices of `layout`, in parallel and in an order that depends on the mesh alone.
 pub fn assemble(
     matcher: &Matcher,
+    layout: VertexLayout,
     view: &View,
     mesh: &Mesh,
     samples: &Samples,
@@ -170,11 +122,10 @@ pub fn assemble(
     pixel_faces: &[u32],
 ) -> Leaves {
     let scene = matcher.scene;
-    let vertices = mesh
-        .vertices
-        .par_iter()
-        .map(|v| GpuVertex::new(mesh.points[v.point as usize], v.normal, v.uv, v.color, v.tangent))
-        .collect();
+    let vertices = layout.pack(mesh.vertices.len(), |index| {
+        let Vertex { point, normal, uv, color, tangent, .. } = mesh.vertices[index];
+        Attributes { position: mesh.points[point as usize], normal, uv, color, tangent }
+    });
     let faces: Vec<u32> = mesh.leaves().collect();
     let traced_faces: FxHashSet<u32> = pixel_faces.iter().copied().collect();
     let frustum = Frustum::new(&view.clip_from_eye_relative(), view.eye);

@@ -11,3 +11,4 @@ pub mod passes;
 pub mod show;
 pub mod supersample;
 pub mod table;
+pub mod vertex;

@@ -11,6 +11,7 @@ use super::drawn::Drawn;
 use super::frame_block::FrameBlock;
 use super::leaves::Group;
 use super::table::SceneTable;
+use super::vertex::VertexLayout;
 use crate::constants::*;
 use crate::error::Result;
 use crate::gpu::{
@@ -238,7 +239,7 @@ impl Painter {
             self.pipeline(*key)?;
         }
         if has_leaves && self.dynamic.is_none() {
-            self.upload(&Drawn::blank(self.options.reconstruction))?;
+            self.upload(&Drawn::blank(self.options.reconstruction, VertexLayout::of(self.options.features)))?;
         }
         self.array_set([0; 3])?;
         self.uploads.write(&self.frame, 0, std::slice::from_ref(block))?;
@@ -476,7 +477,7 @@ impl Painter {
         if self.pipelines.contains_key(&key) {
             return Ok(());
         }
-        let constants = [
+        let mut constants = vec![
             (0, self.bank.arrays()),
             (1, self.options.features),
             (2, key.leaves),
@@ -486,6 +487,7 @@ impl Painter {
             (9, u32::from(key.mixed)),
             (10, u32::from(matches!(key.mark, Mark::Set(_)))),
         ];
+        constants.extend(VertexLayout::of(self.options.features).constants());
         let stencil = match key.mark {
             Mark::Ignored => StencilMode::Off,
             Mark::Set(marked) => StencilMode::Mark(marked.into()),

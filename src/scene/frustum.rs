@@ -34,6 +34,9 @@ impl Frustum {
     /// How the convex hull of `points` lies.
     pub fn of_points<const N: usize>(&self, points: [Vec3; N]) -> Overlap {
         let points = points.map(|point| point - self.eye);
+        if points.iter().any(|point| !point.is_finite()) {
+            return Overlap::Cut;
+        }
         self.overlap(|plane| {
             let normal = plane.truncate();
             points.iter().fold((f32::INFINITY, f32::NEG_INFINITY, 0.0), |(low, high, scale), &point| {
@@ -62,7 +65,6 @@ impl Frustum {
             if most < -slack {
                 return Overlap::Outside;
             }
-            // Not `least <= slack`: what is no number is not inside.
             inside &= least >= slack;
         }
         if inside { Overlap::Inside } else { Overlap::Cut }

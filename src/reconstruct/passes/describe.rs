@@ -4,7 +4,7 @@ use glam::Vec3;
 
 use crate::constants::*;
 use crate::options::{Equation, Mode, Reconstruction};
-use crate::reconstruct::leaves::{GpuLeaf, GpuVertex};
+use crate::reconstruct::leaves::GpuLeaf;
 use crate::visibility::Clusters;
 
 /// One colour draw: its name and the components of Eq. 3 that it adds up.
@@ -85,8 +85,8 @@ pub struct BaseFaces {
     pub leaves: Vec<GpuLeaf>,
     /// Draws over `leaves`.
     pub draws: Vec<BaseDraw>,
-    /// Vertices of the whole scene.
-    pub vertices: Vec<GpuVertex>,
+    /// Words of the vertices of their objects.
+    pub vertices: Vec<u32>,
 }
 
 /// Consecutive faces without samples that are drawn alike.
