@@ -109,6 +109,7 @@ pub struct Painter {
     /// What [`draw_base`](Self::draw_base) was drawn for, if nothing was drawn upon it yet.
     fresh_base: Option<FrameBlock>,
     target: Option<Target>,
+    touch_only: bool,
 }
 
 struct Target {
@@ -172,6 +173,7 @@ impl Painter {
             depth_reset,
             fresh_base: None,
             target: None,
+            touch_only: false,
         })
     }
 
@@ -203,75 +205,9 @@ impl Painter {
         self.uploads.flush()
     }
 
-    /// Compiles every pipeline that a frame of `options` can use, and draws each once on a single pixel,
-    /// since drivers compile at the first draw.
-    ///
-    /// # Errors
-    /// What the driver says; no device memory left.
-    pub fn warm_up(&mut self, block: &FrameBlock, has_leaves: bool) -> Result<()> {
-        self.make_target(block.width, block.height)?;
-        let mut keys: Vec<PipelineKey> = Vec::new();
-        if has_leaves {
-            for (index, pass) in self.options.passes.iter().enumerate() {
-                let kinds: &[(u32, bool)] = match self.options.reconstruction {
-                    Reconstruction::Exact => &[
-                        (LEAVES_PLAIN, false),
-                        (LEAVES_FIRST, false),
-                        (LEAVES_NODES, false),
-                        (LEAVES_NODES, true),
-                        (LEAVES_ALL, true),
-                        (LEAVES_TRACED, false),
-                    ],
-                    Reconstruction::Paper => &[(LEAVES_PLAIN, false), (LEAVES_NODES, false)],
-                };
-                keys.extend(kinds.iter().filter_map(|&(kind, mixed)| {
-                    let arrays = [0, 0, if mixed { MIXED_ARRAYS } else { 0 }];
-                    let key = |group| leaf_key(&self.options, *pass, index, group);
-                    drawn(index, kind).then(|| key(Group { kind, arrays, cut: false }))
-                }));
-            }
-        }
-        let of_leaves = keys.len();
-        for draw in &self.base_draws {
-            keys.push(self.base_key(draw));
-        }
-        for key in &keys {
-            self.pipeline(*key)?;
-        }
-        if has_leaves && self.dynamic.is_none() {
-            self.upload(&Drawn::blank(self.options.reconstruction, VertexLayout::of(self.options.features)))?;
-        }
-        self.array_set([0; 3])?;
-        self.uploads.write(&self.frame, 0, std::slice::from_ref(block))?;
-        let Self {
-            commands,
-            uploads,
-            target,
-            pipelines,
-            depth_reset,
-            scene_set,
-            base,
-            dynamic,
-            array_sets,
-            ..
-        } = self;
-        let Some(target) = target else { return Ok(()) };
-        let mut recording = commands.begin()?;
-        uploads.record(&mut recording);
-        target.render(&mut recording, true, |draws| {
-            draws.scissor([0, 0, 1, 1]);
-            for (index, key) in keys.iter().enumerate() {
-                let list = dynamic.as_ref().filter(|_| index < of_leaves).unwrap_or(base);
-                if let Some(pipeline) = pipelines.get(key) {
-                    draws.pipeline(pipeline).set(0, scene_set).set(1, &list.set);
-                    draws.set(2, &array_sets[&[0; 3]]).draw(0..3);
-                }
-            }
-        });
-        if let Some(pipeline) = depth_reset {
-            target.reset_depth(&mut recording, pipeline);
-        }
-        recording.submit_and_wait()
+    /// Lets draws touch a single pixel until this is taken back: what they need is compiled, next to nothing drawn.
+    pub fn touch_only(&mut self, touch: bool) {
+        self.touch_only = touch;
     }
 
     fn base_key(&self, draw: &BaseDraw) -> PipelineKey {
@@ -338,12 +274,19 @@ impl Painter {
             base_draws,
             dynamic,
             array_sets,
+            touch_only,
             ..
         } = self;
+        let limit = |commands: &mut Draws<'_, '_>| {
+            if *touch_only {
+                commands.scissor([0, 0, 1, 1]);
+            }
+        };
         let Some(target) = target else { return Ok(Vec::new()) };
         let mut recording = commands.begin()?;
         uploads.record(&mut recording);
         let record_opaque = |commands: &mut Draws<'_, '_>| {
+            limit(commands);
             for (draw, key) in base_draws.iter().zip(&base_keys).filter(|(draw, _)| !draw.blended) {
                 let arrays = &array_sets[&[draw.array, 0, 0]];
                 record_base(commands, &pipelines[key], [scene_set, &base.set, arrays], draw, &frustum);
@@ -363,6 +306,7 @@ impl Painter {
             drawings.push(Drawing { name: pass.name, ms: 0.0, draws: count as u32 });
             recording.timed(pass.name, |recording| {
                 target.render(recording, with_base, |commands| {
+                    limit(commands);
                     if let Some(list) = dynamic {
                         for draw in of_leaves {
                             let pipeline = &pipelines[&leaf_key(options, pass, index, draw.group)];
@@ -381,6 +325,7 @@ impl Painter {
             drawings.push(Drawing { name: "blended", ms: 0.0, draws: blended.len() as u32 });
             recording.timed("blended", |recording| {
                 target.render(recording, false, |commands| {
+                    limit(commands);
                     for draw in blended {
                         let arrays = &array_sets[&[base_draws[draw].array, 0, 0]];
                         record_base(
