@@ -209,7 +209,8 @@ pub fn assemble(
 /// texel.
 ///
 /// The rectangle covers the leaf, so that sub-samples in pixels that were not traced find a colour too: that of
-/// the nearest traced pixel, of this leaf if it has any.
+/// the nearest traced pixel, of this leaf if it has any. A pixel of a neighbour on the same face of the scene serves
+/// for itself: where its centre lies on their edge, the device may give it to either.
 fn traced_blocks(
     view: &View,
     mesh: &Mesh,
@@ -217,6 +218,7 @@ fn traced_blocks(
     faces: &FxHashSet<u32>,
 ) -> FxHashMap<u32, Vec<Texel>> {
     let by_pixel: FxHashMap<u32, &TracedPixel> = traced.iter().map(|pixel| (pixel.index, pixel)).collect();
+    let base_of = |face: u32| mesh.faces[face as usize].base;
     let block = |&face: &u32| {
         let [columns, rows] = pixels::bounds(mesh, view, face);
         let cells = || rows.clone().flat_map(|y| columns.clone().map(move |x| (x, y)));
@@ -226,7 +228,9 @@ fn traced_blocks(
         let (width, height) = (columns.len() as u32, rows.len() as u32);
         let colors: Vec<[u32; 2]> = cells()
             .map(|(x, y)| {
-                let usable = near.iter().filter(|(.., pixel)| !own || pixel.face == face);
+                let usable = near.iter().filter(|(u, v, pixel)| {
+                    !own || pixel.face == face || ((*u, *v) == (x, y) && base_of(pixel.face) == base_of(face))
+                });
                 let nearest = usable.min_by_key(|(u, v, _)| u.abs_diff(x).pow(2) + v.abs_diff(y).pow(2));
                 nearest.map(|(.., pixel)| halves(pixel.radiance))
             })
