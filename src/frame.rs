@@ -1,5 +1,6 @@
 //! One frame, from camera to finished image: a script of the stages (design §1).
 
+mod ahead;
 mod kept;
 
 use std::sync::Arc;
@@ -25,7 +26,6 @@ use crate::refine::mesh::Mesh;
 use crate::refine::pixels::{Shown, TracedPixel};
 use crate::refine::predict::Predictor;
 use crate::refine::reserve::Reserve;
-use crate::refine::store::SampleStore;
 use crate::refine::{Refiner, StoppedBy, pixels};
 use crate::report::image::FloatImage;
 use crate::report::stats::{self, Stats};
@@ -36,8 +36,13 @@ use crate::trace::sample::Context;
 use crate::trace::{Rays, Settings, Tracer};
 use crate::visibility::{Adjacency, Class, Finder, Found};
 
+pub use ahead::Ahead;
+use ahead::Undelivered;
 pub use kept::Kept;
 use kept::{Painted, Samples};
+
+/// Times that a step took to be shown, which must have passed before the next is.
+const PAUSE: u32 = 3;
 
 /// What tracing needs of a scene, whatever the view: absent if nothing is traced.
 struct Traced<'s> {
@@ -248,8 +253,8 @@ impl<'s> Renderer<'s> {
         self.options.effort = effort;
     }
 
-    /// Shows an observer a step only where `interval` has passed since it saw one: drawing a step takes time that
-    /// refinement then lacks. Zero, at first, shows all.
+    /// Shows an observer a step only where `interval` has passed since it saw one, and three times as long as that took
+    /// to draw: it is time that refinement lacks. Zero, at first, shows all.
     pub fn set_step_interval(&mut self, interval: Duration) {
         self.step_interval = interval;
     }
@@ -268,7 +273,14 @@ impl<'s> Renderer<'s> {
     ///
     /// # Errors
     /// No device memory left; a lost device; whatever `after_step` returns.
-    pub fn render_steps(&mut self, view: &View, mut after_step: Option<Observer>) -> Result<Frame> {
+    pub fn render_steps(&mut self, view: &View, after_step: Option<Observer>) -> Result<Frame> {
+        let Undelivered { mean, overlay, stats } = self.draw(view, after_step)?;
+        let image = mean.map_or_else(|| self.painted.painter.read_image(), Ok)?;
+        Ok(Frame { image: overlay.map_or(image.clone(), |overlay| overlay.over(&image)), stats })
+    }
+
+    /// Draws one frame; its image stays with the painter, unless it is a mean of several.
+    fn draw(&mut self, view: &View, mut after_step: Option<Observer>) -> Result<Undelivered> {
         let started = Instant::now();
         let mut stats = self.blank_stats(view);
         let block = FrameBlock::new(self.scene, view);
@@ -316,7 +328,7 @@ impl<'s> Renderer<'s> {
                 let mut observe = |leaves: &Drawn, refiner: &Refiner, rays: Rays| {
                     draw_step(leaves, refiner, rays, &mut after_step)
                 };
-                let store = self.samples.as_mut().map(|samples| &mut samples.store);
+                let store = self.samples.as_mut();
                 let sampled =
                     job.sample(traced, &found, store, &mut stats, observed.then_some(&mut observe))?;
                 (overlay, refined) = (sampled.overlay, sampled.refined);
@@ -349,8 +361,7 @@ impl<'s> Renderer<'s> {
             })
             .collect();
         self.finished = (cost, refined.elapsed());
-        let image = mean.map_or_else(|| painter.read_image(), Ok)?;
-        Ok(Frame { image: overlay.map_or(image.clone(), |overlay| overlay.over(&image)), stats })
+        Ok(Undelivered { mean, overlay, stats })
     }
 
     fn blank_stats(&self, view: &View) -> Stats {
@@ -409,7 +420,7 @@ impl Job<'_> {
         &self,
         traced: &Traced,
         visible: &Found,
-        store: Option<&mut SampleStore>,
+        store: Option<&mut Samples>,
         stats: &mut Stats,
         mut after_step: Option<LeafObserver>,
     ) -> Result<Sampled> {
@@ -434,20 +445,28 @@ impl Job<'_> {
         let some = seeds.len().div_ceil(self.most_faces).max(1);
         let seeds: Vec<_> = seeds.into_iter().step_by(some).collect();
         let mesh = Mesh::new(scene, topology, view, &seeds);
-        let mut refiner = Refiner::new(&context, &predictor, mesh, shown, store);
+        let (vertices, mut traced_before) =
+            store.map(|Samples { vertices, pixels, .. }| (vertices, pixels)).unzip();
+        let mut refiner = Refiner::new(&context, &predictor, mesh, shown, vertices);
         refiner.reserve = self.reserve;
-        let mut seen: Option<Instant> = None;
+        // When a step was seen, and how long it took to show.
+        let mut seen: Option<(Instant, Duration)> = None;
         let mut observe = |refiner: &Refiner| {
             if self.interrupt.load(Ordering::Relaxed) {
                 return Err(Error::Interrupted);
             }
             let Some(after_step) = &mut after_step else { return Ok(()) };
-            if seen.is_some_and(|seen| seen.elapsed() < self.step_interval) {
+            let too_soon =
+                |(at, took): (Instant, Duration)| at.elapsed() < self.step_interval.max(took * PAUSE);
+            if !self.step_interval.is_zero() && seen.is_some_and(too_soon) {
                 return Ok(());
             }
-            let (pixels, rays) = pixels::trace(&context, &refiner.mesh, shown, &refiner.pixel_faces);
+            let started = Instant::now();
+            let Refiner { mesh, pixel_faces, .. } = refiner;
+            let (pixels, rays) =
+                pixels::trace(&context, mesh, shown, pixel_faces, traced_before.as_deref_mut());
             after_step(&self.assemble(refiner, &pixels), refiner, rays)?;
-            seen = Some(Instant::now());
+            seen = Some((Instant::now(), started.elapsed()));
             Ok(())
         };
         observe(&refiner)?;
@@ -457,7 +476,9 @@ impl Job<'_> {
         let refined = ms(time);
 
         let time = Instant::now();
-        let (traced_pixels, pixel_rays) = pixels::trace(&context, &refiner.mesh, shown, &refiner.pixel_faces);
+        let Refiner { mesh, pixel_faces, .. } = &refiner;
+        let (traced_pixels, pixel_rays) =
+            pixels::trace(&context, mesh, shown, pixel_faces, traced_before.as_deref_mut());
         let pixels_ms = ms(time);
         stats.time_ms.trace = refiner.samples.time.as_secs_f64() * 1e3 + pixels_ms;
 

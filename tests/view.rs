@@ -377,6 +377,14 @@ fn files_are_dropped_and_read_again() {
     fs::write(display.path("live.glb"), Demo::Mirror.glb()).unwrap();
     let script = "key o\nwait-full\nscreenshot first.png\ndrop broken.glb\nwait-frame\ndrop mirror.glb\nwait-full\n\
                   screenshot dropped.png\ndrop live.glb\nwait-full\nscreenshot live.png\nsleep 60000";
+    let after = "key o\nwait-frame\norbit 9 4\ndrop broken.glb\nwait-frame\norbit 9 4\nwait-full\nscreenshot on.png\nkey c\nquit";
+    let output = display.start(&["cup.glb", "--size", "120x90"], after).finish();
+    let (stdout, stderr) = (text(&output.stdout), text(&output.stderr));
+    assert!(stderr.lines().all(|line| line.contains("broken.glb")) && !stderr.is_empty(), "{stderr}");
+    assert!(stdout.starts_with("vtrace render cup.glb "), "what is shown goes on being shown: {stdout}");
+    display.run(stdout.trim());
+    assert_eq!(display.image("on.png"), display.image("picture.png"));
+
     let running = display.start(&["cup.glb", "--size", "120x90"], script);
     wait_for_file(&display.path("live.png"));
     assert_eq!(display.image("dropped.png"), display.image("live.png"));

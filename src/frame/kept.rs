@@ -14,7 +14,7 @@ use crate::reconstruct::base;
 use crate::reconstruct::passes::{Painter, PassOptions};
 use crate::reconstruct::table::SceneTable;
 use crate::refine::reserve::Reserve;
-use crate::refine::store::SampleStore;
+use crate::refine::store::{PixelStore, SampleStore};
 use crate::scene::structure::Structure;
 use crate::scene::{Light, Scene};
 use crate::trace::{Hierarchy, Settings, Tracer};
@@ -43,7 +43,8 @@ pub(super) struct TracedParts {
 
 /// Samples of earlier frames, and what they were traced with.
 pub(super) struct Samples {
-    pub store: SampleStore,
+    pub vertices: SampleStore,
+    pub pixels: PixelStore,
     traced_with: Option<(Settings, Vec<Light>, f32)>,
 }
 
@@ -150,14 +151,15 @@ impl Traced<'_> {
 impl Samples {
     /// No samples yet; at most about `most_bytes` bytes of them.
     pub fn new(most_bytes: usize) -> Self {
-        Self { store: SampleStore::new(most_bytes), traced_with: None }
+        Self { vertices: SampleStore::new(most_bytes), pixels: PixelStore::default(), traced_with: None }
     }
 
     /// Forgets samples that `settings` and the lights of `scene` would not give.
     pub fn trace_with(&mut self, settings: &Settings, scene: &Scene) {
         let now = (*settings, scene.lights.clone(), scene.ambient);
         if self.traced_with.as_ref() != Some(&now) {
-            self.store.clear();
+            self.vertices.clear();
+            self.pixels.clear();
             self.traced_with = Some(now);
         }
     }

@@ -10,6 +10,7 @@ use super::bank::Bank;
 use super::drawn::Drawn;
 use super::frame_block::FrameBlock;
 use super::leaves::Group;
+use super::readback::{self, PendingImage, PictureRing};
 use super::table::SceneTable;
 use super::vertex::VertexLayout;
 use crate::constants::*;
@@ -110,6 +111,8 @@ pub struct Painter {
     fresh_base: Option<FrameBlock>,
     target: Option<Target>,
     touch_only: bool,
+    /// Of pictures that are read while the next is drawn.
+    ring: Option<PictureRing>,
 }
 
 struct Target {
@@ -174,6 +177,7 @@ impl Painter {
             fresh_base: None,
             target: None,
             touch_only: false,
+            ring: None,
         })
     }
 
@@ -370,9 +374,21 @@ impl Painter {
         let mut recording = commands.begin()?;
         recording.read_image(&target.color, &mut target.staging);
         recording.submit_and_wait()?;
-        let halves: &[[half::f16; 4]] = target.staging.read((width * height) as usize)?;
-        let pixels = halves.iter().map(|p| [p[0].to_f32(), p[1].to_f32(), p[2].to_f32()]).collect();
-        Ok(FloatImage { width, height, pixels })
+        readback::linear(&mut target.staging, width, height)
+    }
+
+    /// Starts to copy the finished image to the host; `None` if nothing was drawn yet.
+    ///
+    /// # Errors
+    /// No device memory left; a lost device.
+    pub fn start_reading(&mut self) -> Result<Option<PendingImage>> {
+        let Self { ring, target, gpu, .. } = self;
+        let Some(target) = target else { return Ok(None) };
+        let ring = match ring {
+            Some(ring) => ring,
+            slot => slot.insert(PictureRing::new(gpu)?),
+        };
+        ring.start(&target.color).map(Some)
     }
 
     fn make_target(&mut self, width: u32, height: u32) -> Result<()> {

@@ -6,6 +6,7 @@ use glam::{Vec2, Vec3};
 use rayon::prelude::*;
 
 use super::mesh::Mesh;
+use super::store::PixelStore;
 use crate::scene::View;
 use crate::trace::sample::{self, Context};
 use crate::trace::{Rays, Surface};
@@ -157,8 +158,19 @@ fn pixel_of(view: &View, image: Vec3) -> Option<(u32, u32)> {
 }
 
 /// Traces the pixels whose centres lie in the leaves `faces`, from the point of the base face that shows
-/// there. An image of the faces says where it does; without one, a primary ray a pixel.
-pub fn trace(context: &Context, mesh: &Mesh, shown: Shown, faces: &[u32]) -> (Vec<TracedPixel>, Rays) {
+/// there. An image of the faces says where it does; without one, a primary ray a pixel. Pixels that `store` knows are
+/// not traced, and it learns the others.
+pub fn trace(
+    context: &Context,
+    mesh: &Mesh,
+    shown: Shown,
+    faces: &[u32],
+    mut store: Option<&mut PixelStore>,
+) -> (Vec<TracedPixel>, Rays) {
+    if let Some(store) = &mut store {
+        store.look_at(context.view);
+    }
+    let known = store.as_deref();
     let chunks: Vec<(Vec<TracedPixel>, Rays)> = faces
         .par_chunks(16)
         .map(|faces| {
@@ -175,6 +187,11 @@ pub fn trace(context: &Context, mesh: &Mesh, shown: Shown, faces: &[u32]) -> (Ve
                     if mesh.leaf_at(base, image) != Some(face) {
                         continue;
                     }
+                    let index = y * context.view.width + x;
+                    if let Some(radiance) = known.and_then(|known| known.get(index, base)) {
+                        pixels.push(TracedPixel { index, face, radiance });
+                        continue;
+                    }
                     if matches!(shown, Shown::Counts(_)) {
                         rays.primary += 1;
                         if context.tracer.closest(origin, direction).is_none_or(|hit| hit.face != base) {
@@ -189,7 +206,7 @@ pub fn trace(context: &Context, mesh: &Mesh, shown: Shown, faces: &[u32]) -> (Ve
                     let radiance = nodes
                         .iter()
                         .fold(primary.local.radiance(primary.texel), |sum, node| sum + node.radiance());
-                    pixels.push(TracedPixel { index: y * context.view.width + x, face, radiance });
+                    pixels.push(TracedPixel { index, face, radiance });
                 }
             }
             (pixels, rays)
@@ -200,6 +217,11 @@ pub fn trace(context: &Context, mesh: &Mesh, shown: Shown, faces: &[u32]) -> (Ve
     for (pixels, rays) in chunks {
         all.extend(pixels);
         total += rays;
+    }
+    if let Some(store) = store {
+        for pixel in &all {
+            store.insert(pixel.index, mesh.faces[pixel.face as usize].base, pixel.radiance);
+        }
     }
     (all, total)
 }

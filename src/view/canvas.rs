@@ -1,15 +1,20 @@
 //! What is drawn over the picture on the CPU: text, lines, the divider.
 
+use std::ops::Range;
+
 use font8x8::legacy::BASIC_LEGACY;
 use glam::Vec2;
 
-use super::worker::Pixels;
+use super::exchange::Pixels;
 
 /// Side of a glyph's cell in pixels.
 pub const GLYPH: u32 = 8;
 
 /// Height of a line of text in pixels.
 pub const LINE: u32 = 10;
+
+/// Border of lines and marks.
+const BORDER: Color = [16, 16, 16];
 
 /// An opaque sRGB colour.
 pub type Color = [u8; 3];
@@ -103,17 +108,29 @@ impl Pixels {
         }
     }
 
-    /// Draws a line, two pixels wide.
+    /// Draws a line, two pixels wide, with a dark border that parts it from a bright ground.
     pub fn line(&mut self, from: Vec2, to: Vec2, color: Color) {
+        self.stroke(from, to, BORDER, -1..3);
+        self.stroke(from, to, color, 0..2);
+    }
+
+    /// Draws a mark around a point, with a dark border.
+    pub fn mark(&mut self, at: Vec2, color: Color) {
+        self.stroke(at, at, BORDER, -3..5);
+        self.stroke(at, at, color, -2..4);
+    }
+
+    /// Draws squares along a line, which reach over `brush` beside each point on both axes.
+    fn stroke(&mut self, from: Vec2, to: Vec2, color: Color, brush: Range<i32>) {
         let Some((from, to)) = clip(from, to, Vec2::new(self.width as f32, self.height as f32)) else {
             return;
         };
         let steps = (to - from).abs().max_element().ceil().max(1.0);
         for step in 0..=steps as u32 {
             let at = from.lerp(to, step as f32 / steps).floor().as_ivec2();
-            self.set(at.x, at.y, color);
-            self.set(at.x + 1, at.y, color);
-            self.set(at.x, at.y + 1, color);
+            for y in brush.clone() {
+                brush.clone().for_each(|x| self.set(at.x + x, at.y + y, color));
+            }
         }
     }
 }

@@ -6,11 +6,13 @@
 
 #![forbid(unsafe_code)]
 
+mod artist;
 mod asked;
 mod camera;
 mod canvas;
 pub mod command;
 mod encode;
+mod exchange;
 mod inspect;
 pub mod keys;
 mod output;

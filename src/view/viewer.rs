@@ -11,18 +11,18 @@ use super::{
     asked::Asked,
     camera::Orbit,
     command::render_line,
+    exchange::{Facts, Mailbox, Picture, Pixels, Update, Wanted},
     inspect::Path as SpecularPath,
     keys::{Action, Key},
     output,
     pointer::Drag,
     timing::Timing,
     watch::Watch,
-    worker::{Facts, Mailbox, Picture, Pixels, Update, Wanted},
 };
 use crate::{
     error::{Error, Result},
     options::CameraChoice,
-    scene::{Camera, View},
+    scene::{Camera, Light, View},
 };
 
 /// The camera rests once it has not moved for this long.
@@ -67,6 +67,15 @@ pub enum Button {
     Right,
 }
 
+/// A scene as it is looked at.
+struct Opened {
+    source: (PathBuf, u32),
+    view: (CameraChoice, Option<f32>),
+    lights: Option<Arc<[Light]>>,
+    orbit: Option<Orbit>,
+    watch: Watch,
+}
+
 /// Everything that the viewer knows.
 pub struct Viewer {
     pub(super) asked: Asked,
@@ -87,6 +96,8 @@ pub struct Viewer {
     pub(super) help: bool,
     pub(super) size: (u32, u32),
     orbit: Option<Orbit>,
+    /// What was shown when a scene was asked for that is not there yet.
+    left: Option<Opened>,
     serial: u64,
     /// When the camera comes to rest.
     rests: Option<Instant>,
@@ -120,6 +131,7 @@ impl Viewer {
             help: false,
             size: (request.options.view.width, request.options.view.height),
             orbit: None,
+            left: None,
             serial: 0,
             rests: None,
             pointer: (0.0, 0.0),
@@ -186,9 +198,12 @@ impl Viewer {
     pub fn update(&mut self, update: Update) -> Result<()> {
         match update {
             Update::Scene(facts) => {
+                self.left = None;
                 self.watch.beside(&facts.beside);
                 self.facts = Some(facts);
             }
+            // A coarse picture that was overtaken.
+            Update::Picture(picture) if self.picture.as_ref().is_some_and(|p| p.serial > picture.serial) => {}
             Update::Picture(picture) => {
                 self.problem = None;
                 if self.picture.as_ref().is_none_or(|before| before.view != picture.view) {
@@ -203,6 +218,7 @@ impl Viewer {
             }
             Update::Problem(error) if self.picture.is_none() => return Err(error),
             Update::Problem(error) => {
+                self.stay();
                 output::complain(&error);
                 self.problem = Some(error.to_string());
             }
@@ -317,6 +333,14 @@ impl Viewer {
     }
 
     fn open(&mut self, file: PathBuf) {
+        let view = &self.asked.options.view;
+        self.left.get_or_insert_with(|| Opened {
+            source: self.source.clone(),
+            view: (view.camera.clone(), view.fov),
+            lights: self.asked.lights.clone(),
+            orbit: self.orbit,
+            watch: self.watch.clone(),
+        });
         self.watch = Watch::new(&file, Instant::now());
         self.source = (file, 0);
         self.orbit = None;
@@ -333,6 +357,15 @@ impl Viewer {
         self.asked.lights = None;
         self.reference = None;
         self.want(None);
+    }
+
+    /// Goes back to the scene that is shown, where another was asked for in vain.
+    fn stay(&mut self) {
+        if let Some(Opened { source, view, lights, orbit, watch }) = self.left.take() {
+            (self.source, self.watch) = (source, watch);
+            (self.asked.options.view.camera, self.asked.options.view.fov) = view;
+            (self.asked.lights, self.orbit) = (lights, orbit);
+        }
     }
 
     /// Asks the render thread for what is asked for now, and for the path behind `pixel`.

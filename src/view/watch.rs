@@ -9,7 +9,7 @@ use std::{
 const POLL: Duration = Duration::from_millis(500);
 
 /// The files of a scene with the time at which each was written, when last seen.
-#[derive(Debug)]
+#[derive(Debug, Clone)]
 pub struct Watch {
     files: Vec<(PathBuf, Option<SystemTime>)>,
     /// When to look again.

@@ -19,10 +19,11 @@ use winit::{
 
 use super::{
     Loader, Request,
+    exchange::{Mailbox, Update},
     keys::Key,
     script::{Ask, Script},
     viewer::{Button, Input, Viewer},
-    worker::{Mailbox, Update, Worker},
+    worker::Worker,
 };
 use crate::{
     error::{Error, Result},
@@ -103,7 +104,7 @@ impl App<'_> {
         let options = gpu::Options { device: self.request.options.device.clone(), validation: false };
         let gpu = Gpu::for_window(&options, &target)?;
         let swapchain = Swapchain::new(Surface::new(&gpu, &target)?)?;
-        let send = Box::new(move |update| {
+        let send = Arc::new(move |update| {
             // A loop that has ended needs no update.
             let _ = proxy.send_event(update);
         });
