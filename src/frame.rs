@@ -21,6 +21,7 @@ use crate::reconstruct::nodes::{Corner, Matcher};
 use crate::reconstruct::paper;
 use crate::reconstruct::show::{self, FrameData, LeafKind, Overlay};
 use crate::reconstruct::supersample;
+use crate::reconstruct::vertex::VertexLayout;
 use crate::refine::mesh::Mesh;
 use crate::refine::pixels::{Shown, TracedPixel};
 use crate::refine::predict::Predictor;
@@ -74,7 +75,12 @@ pub struct Renderer<'s> {
     step_interval: Duration,
     /// What these options do not ask for.
     kept: Kept,
+    warming_up: bool,
 }
+
+/// Samples of the frame that compiles a scene's draws, and the visible faces that it is about.
+const WARM_UP_SAMPLES: u64 = 4096;
+const WARM_UP_FACES: usize = 4096;
 
 /// The image after a refinement step; the first is the preview, before any.
 pub struct Step {
@@ -141,6 +147,7 @@ impl<'s> Renderer<'s> {
             reserve: kept.reserve,
             step_interval: Duration::ZERO,
             kept,
+            warming_up: false,
         })
     }
 
@@ -172,7 +179,8 @@ impl<'s> Renderer<'s> {
         self.traced.as_ref().map(|traced| &traced.tracer)
     }
 
-    /// Draws every pipeline once, so that drivers compile before anything is timed. Returns milliseconds.
+    /// Draws once, on one pixel, what a frame of `view` with few samples draws, so that drivers compile before anything
+    /// is timed: they do so for each pipeline and kind of texture that leaves of the scene have. Returns milliseconds.
     ///
     /// A frame with a time budget is rehearsed as a preview and in full: what both take from the last sample to
     /// the image tells what to keep back from the budget.
@@ -184,11 +192,26 @@ impl<'s> Renderer<'s> {
         if let Some(finder) = &mut self.finder {
             finder.warm_up(view)?;
         }
-        self.painted.painter.warm_up(&FrameBlock::new(self.scene, view), self.traced.is_some())?;
+        self.touch(view)?;
         if self.options.effort.budget.is_some() {
             self.rehearse(view)?;
         }
         Ok(ms(started))
+    }
+
+    fn touch(&mut self, view: &View) -> Result<()> {
+        let effort = self.options.effort.clone();
+        let samples = effort.max_samples.map_or(WARM_UP_SAMPLES, |most| most.min(WARM_UP_SAMPLES));
+        self.options.effort = EffortOptions { max_samples: Some(samples), budget: None, ..effort.clone() };
+        let kept = self.samples.take();
+        self.warming_up = true;
+        self.painted.painter.touch_only(true);
+        let touched = self.render(view);
+        self.painted.painter.touch_only(false);
+        self.warming_up = false;
+        self.samples = kept;
+        self.options.effort = effort;
+        touched.map(drop)
     }
 
     fn rehearse(&mut self, view: &View) -> Result<()> {
@@ -291,6 +314,7 @@ impl<'s> Renderer<'s> {
                 let job = Job {
                     topology: &plan.topology,
                     matcher: &matcher,
+                    layout: plan.vertex_layout(),
                     settings: &self.settings,
                     options: &self.options,
                     view,
@@ -298,6 +322,7 @@ impl<'s> Renderer<'s> {
                     reserve: self.reserve,
                     interrupt: &self.interrupt,
                     step_interval: self.step_interval,
+                    most_faces: if self.warming_up { WARM_UP_FACES } else { usize::MAX },
                 };
                 let observed = after_step.is_some();
                 let mut observe = |leaves: &Drawn, refiner: &Refiner, rays: Rays| {
@@ -323,8 +348,8 @@ impl<'s> Renderer<'s> {
         let (passes, nothing) =
             self.plan.passes_for(leaves.as_ref().map_or(COMPONENT_PRIMARY, Drawn::components));
         stats.left_out.extend(nothing);
-        let (drawings, mean) =
-            supersample::draw(painter, &block, leaves.as_ref(), &passes, self.options.method.ss.samples())?;
+        let shaded = if self.warming_up { 1 } else { self.options.method.ss.samples() };
+        let (drawings, mean) = supersample::draw(painter, &block, leaves.as_ref(), &passes, shaded)?;
         stats.time_ms.draw = ms(time);
         stats.time_ms.frame = ms(started);
         stats.passes = drawings
@@ -362,6 +387,7 @@ impl<'s> Renderer<'s> {
 struct Job<'a> {
     topology: &'a Topology,
     matcher: &'a Matcher<'a>,
+    layout: VertexLayout,
     settings: &'a Settings,
     options: &'a Options,
     view: &'a View,
@@ -370,6 +396,8 @@ struct Job<'a> {
     reserve: Reserve,
     interrupt: &'a AtomicBool,
     step_interval: Duration,
+    /// Visible faces that are sampled at most, of all parts of the scene.
+    most_faces: usize,
 }
 
 /// What sampling a frame gives.
@@ -414,6 +442,8 @@ impl Job<'_> {
         let predictor =
             Predictor { targets, structures, scene, view, reconstruction: options.method.reconstruction };
         let seeds = adjacency.one_ring(scene, topology, classes, view, visible.visible);
+        let some = seeds.len().div_ceil(self.most_faces).max(1);
+        let seeds: Vec<_> = seeds.into_iter().step_by(some).collect();
         let mesh = Mesh::new(scene, topology, view, &seeds);
         let (vertices, mut traced_before) =
             store.map(|Samples { vertices, pixels, .. }| (vertices, pixels)).unzip();
@@ -495,10 +525,11 @@ impl Job<'_> {
         let Matcher { scene, targets, base_textures, .. } = self.matcher;
         match self.options.method.reconstruction {
             Reconstruction::Exact => {
-                Drawn::Exact(leaves::assemble(self.matcher, self.view, mesh, samples, traced, pixel_faces))
+                let Self { matcher, layout, view, .. } = *self;
+                Drawn::Exact(leaves::assemble(matcher, layout, view, mesh, samples, traced, pixel_faces))
             }
             Reconstruction::Paper => {
-                Drawn::Paper(paper::assemble(scene, targets, base_textures, mesh, samples))
+                Drawn::Paper(paper::assemble(scene, targets, base_textures, self.view, mesh, samples))
             }
         }
     }

@@ -135,7 +135,7 @@ impl Kept {
         let table = SceneTable::new(scene, &plan.targets, &bank, fresnel);
         let base_textures: Vec<u32> =
             scene.materials.iter().map(|m| bank.reference(m.base_color_texture)).collect();
-        let base = base::faces(scene, &table, &base_textures, classes, single_pass);
+        let base = base::faces(scene, &table, plan.vertex_layout(), &base_textures, classes, single_pass);
         let painter = Painter::new(gpu, pass_options, bank, &table, &base)?;
         Ok(Painted { painter, table, base_textures, made_for })
     }

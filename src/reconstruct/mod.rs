@@ -12,3 +12,4 @@ pub mod readback;
 pub mod show;
 pub mod supersample;
 pub mod table;
+pub mod vertex;

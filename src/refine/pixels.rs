@@ -229,8 +229,30 @@ pub fn trace(
 /// Pixels whose centres may lie in `face`.
 fn pixels_around(mesh: &Mesh, view: &View, face: u32) -> impl Iterator<Item = (u32, u32)> + use<> {
     let [columns, rows] = bounds(mesh, view, face);
-    rows.flat_map(move |y| columns.clone().map(move |x| (x, y)))
+    let corners = mesh.faces[face as usize].corners.map(|v| view.project(mesh.position(v)));
+    let sides = match corners {
+        [Some((a, _)), Some((b, _)), Some((c, _))] => sides([a, b, c]),
+        _ => [Vec3::ZERO; 3],
+    };
+    rows.flat_map(move |y| columns.clone().map(move |x| (x, y))).filter(move |&(x, y)| {
+        let centre = Vec3::new(x as f32 + 0.5, y as f32 + 0.5, 1.0);
+        sides.iter().all(|side| side.dot(centre) >= -ROUNDING)
+    })
 }
+
+/// The lines along a triangle's sides: distances to them, in pixels and positive inside, are products with (x, y, 1).
+/// All zero for a triangle without area.
+fn sides(corners: [Vec2; 3]) -> [Vec3; 3] {
+    let [a, b, c] = corners;
+    let turn = (b - a).perp_dot(c - a).signum();
+    [(a, b), (b, c), (c, a)].map(|(from, to)| {
+        let normal = (to - from).perp().normalize_or_zero() * turn;
+        normal.extend(-normal.dot(from))
+    })
+}
+
+/// Pixels by which a device's projection of a point may differ from ours.
+const ROUNDING: f32 = 0.05;
 
 /// Columns and rows of the pixels that `face` may reach into.
 pub fn bounds(mesh: &Mesh, view: &View, face: u32) -> [Range<u32>; 2] {
@@ -243,8 +265,8 @@ pub fn bounds(mesh: &Mesh, view: &View, face: u32) -> [Range<u32>; 2] {
         }
     }
     let range = |low: f32, high: f32, size: u32| {
-        let first = (low - 1.0).max(0.0) as u32;
-        let end = if high >= 0.0 { ((high + 1.0) as u32 + 1).min(size) } else { 0 };
+        let first = (low - ROUNDING).max(0.0) as u32;
+        let end = if high >= -ROUNDING { ((high + ROUNDING) as u32 + 1).min(size) } else { 0 };
         first..end
     };
     [range(low.x, high.x, view.width), range(low.y, high.y, view.height)]

@@ -24,6 +24,7 @@ mod piece;
 mod tangents;
 mod textures;
 mod triangles;
+mod unread;
 mod uri;
 mod validate;
 
@@ -132,7 +133,15 @@ fn read(bytes: &[u8], folder: Option<&Path>, file: &Path, limits: &Limits) -> Re
     let origin = assembly.origin;
     let cameras = cameras::placed(&document, &nodes, origin, &notes);
     let lights = lights::placed(&document, &nodes, origin, &notes);
-    let images = images::load(&document.root, textures.images(), &buffers, &resolver, file, limits)?;
+    let images_in_use = textures.images();
+    let unread_bytes = images::check_unused(&document.root, images_in_use, &buffers, &resolver, file)?;
+    let images = images::load(&document.root, images_in_use, &buffers, &resolver, file, limits)?;
+    let used = unread::Used {
+        meshes: parts.meshes(),
+        materials: material_of.keys().flatten().copied().collect(),
+        textures: textures.in_file().clone(),
+        images: images_in_use.iter().copied().collect(),
+    };
 
     Ok(Scene {
         name: file.file_stem().map_or_else(|| "scene".into(), |stem| stem.to_string_lossy().into_owned()),
@@ -146,6 +155,7 @@ fn read(bytes: &[u8], folder: Option<&Path>, file: &Path, limits: &Limits) -> Re
         lights,
         cameras,
         background: Background::default(),
+        unread: unread::list(&document.root, &used, unread_bytes),
         notes: notes.into_lines(),
     })
 }
