@@ -168,6 +168,8 @@ shared_constants! {
     LEAVES_NODES: u32 = 2;
     /// Leaves with nodes of any kind.
     LEAVES_ALL: u32 = 3;
+    /// Traced pixels cover them, and nothing cuts holes into them: no shading is left to do.
+    LEAVES_TRACED: u32 = 4;
     /// Textures of nodes lie in several arrays of the bank.
     MIXED_ARRAYS: u32 = 0xff;
     /// C_prim · CT_prim of Eq. 3.

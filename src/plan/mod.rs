@@ -47,6 +47,14 @@ pub struct Plan {
 impl Plan {
     /// The plan of `scene` under `options`.
     pub fn new(scene: &Scene, options: &Options) -> Self {
+        Self::after(None, scene, options)
+    }
+
+    /// The same, with what it shares with the plan `before` of the same faces and materials.
+    pub fn after(before: Option<Self>, scene: &Scene, options: &Options) -> Self {
+        let (topology, targets) = before.map_or_else(Default::default, |plan| (plan.topology, plan.targets));
+        let known = (!topology.point.is_empty()).then_some(topology);
+        let known_targets = (!targets.targets.is_empty()).then_some(targets);
         let used = Used::of(scene, options.scene.fresnel);
         let mut needs = Needs::new(options.everything);
         let lit = !scene.lights.is_empty();
@@ -84,8 +92,14 @@ impl Plan {
             "bounding volume hierarchy, ID buffer, readback and refinement",
             "nothing is traced: all objects are rasterised in the ordinary way",
         );
-        let topology = if traces { Topology::new(&scene.geometry) } else { Topology::default() };
-        let targets = if specular { Targets::new(scene, &topology) } else { Targets::default() };
+        let topology = match traces {
+            true => known.unwrap_or_else(|| Topology::new(&scene.geometry)),
+            false => Topology::default(),
+        };
+        let targets = match specular {
+            true => known_targets.unwrap_or_else(|| Targets::new(scene, &topology)),
+            false => Targets::default(),
+        };
         let mut depth = options.paths.depth;
         if specular {
             let recursive = needs.part(

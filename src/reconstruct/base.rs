@@ -9,7 +9,7 @@ use super::table::SceneTable;
 use super::vertex::{Attributes, VertexLayout};
 use crate::constants::NO_TARGET;
 use crate::scene::{AlphaMode, Geometry, Scene};
-use crate::visibility::{Class, single_pass};
+use crate::visibility::{Class, Clusters, single_pass};
 
 /// Faces that are drawn without samples: all of them if nothing is traced, else occluders and blended faces.
 /// In a single pass those that need samples are drawn too, marked, until leaves take their place. Every light shines
@@ -52,9 +52,11 @@ pub fn faces(
     for ((marked, cull, array), blended, objects) in groups.chain(blended) {
         let start = base.leaves.len() as u32;
         let centre = centre(scene, &objects);
+        let mut faces: Vec<u32> = Vec::new();
         for object in objects.iter().map(|&index| &scene.objects[index]) {
             let moved = (shown.len() as u32).wrapping_sub(object.vertices.start);
             shown.extend(object.vertices.clone());
+            faces.extend(object.faces.clone());
             base.leaves.extend(object.faces.clone().map(|face| GpuLeaf {
                 vertices: scene.geometry.faces[face as usize].map(|vertex| vertex.wrapping_add(moved)),
                 material: table.material(object.material),
@@ -65,7 +67,7 @@ pub fn faces(
             }));
         }
         base.draws.push(BaseDraw {
-            leaves: start..base.leaves.len() as u32,
+            clusters: Clusters::new(&scene.geometry, start, &faces),
             centre,
             array,
             cull,

@@ -4,6 +4,7 @@ use std::collections::BTreeMap;
 
 use bytemuck::{Pod, Zeroable};
 use glam::Vec3;
+use half::f16;
 use rayon::prelude::*;
 use rustc_hash::{FxHashMap, FxHashSet};
 
@@ -14,7 +15,8 @@ use crate::constants::*;
 use crate::refine::mesh::{Mesh, Vertex};
 use crate::refine::pixels::{self, TracedPixel};
 use crate::refine::samples::Samples;
-use crate::scene::View;
+use crate::scene::frustum::{Frustum, Overlap};
+use crate::scene::{AlphaMode, View};
 
 /// A leaf: glsl/leaf.glsl `Leaf`.
 #[repr(C)]
@@ -44,11 +46,19 @@ pub struct Group {
     /// Arrays of the bank: of the leaves' own texture, the first patch's, the nodes' ([`MIXED_ARRAYS`] if they
     /// are several).
     pub arrays: [u32; 3],
+    /// Whether the frustum may clip them: they are drawn apart, a few at a time (see
+    /// [`clusters`](crate::visibility::clusters)).
+    pub cut: bool,
 }
 
 impl Group {
+    /// The group of leaves that traced pixels cover.
+    fn traced(cut: bool) -> Self {
+        Self { kind: LEAVES_TRACED, arrays: [0; 3], cut }
+    }
+
     /// The group of leaves with own texture `own` and these nodes.
-    fn of(specular: bool, own: u32, nodes: &LeafNodes) -> Self {
+    fn of(specular: bool, own: u32, nodes: &LeafNodes, cut: bool) -> Self {
         let kind = match (specular, nodes.count, nodes.all_kinds) {
             (false, ..) => LEAVES_PLAIN,
             (_, 0, _) => LEAVES_FIRST,
@@ -56,7 +66,7 @@ impl Group {
             _ => LEAVES_ALL,
         };
         let node_array = if kind == LEAVES_ALL { MIXED_ARRAYS } else { nodes.node_array.unwrap_or(0) };
-        Self { kind, arrays: [array_of(own), array_of(nodes.first_texture), node_array] }
+        Self { kind, arrays: [array_of(own), array_of(nodes.first_texture), node_array], cut }
     }
 }
 
@@ -90,7 +100,7 @@ impl Leaves {
     /// Components of Eq. 3 that are not zero everywhere, as bits of `COMPONENT_…`; the textured ones count as
     /// present with any specular leaf.
     pub fn components(&self) -> u32 {
-        if self.groups.iter().all(|(group, _)| group.kind == LEAVES_PLAIN) {
+        if self.groups.iter().all(|(group, _)| matches!(group.kind, LEAVES_PLAIN | LEAVES_TRACED)) {
             return COMPONENT_PRIMARY;
         }
         (0..2).fold(COMPONENT_PRIMARY, |components, branch| {
@@ -118,7 +128,8 @@ pub fn assemble(
     });
     let faces: Vec<u32> = mesh.leaves().collect();
     let traced_faces: FxHashSet<u32> = pixel_faces.iter().copied().collect();
-    let built: Vec<(GpuLeaf, LeafNodes)> = faces
+    let frustum = Frustum::new(&view.clip_from_eye_relative(), view.eye);
+    let built: Vec<(GpuLeaf, LeafNodes, bool)> = faces
         .par_iter()
         .with_min_len(64)
         .map(|&face| {
@@ -137,11 +148,11 @@ pub fn assemble(
             if object.vt {
                 // What no traced pixel covers of a traced leaf is Gouraud-shaded: no nodes.
                 let room = if traced_faces.contains(&face) { 0 } else { matcher.room };
-                let corners = corners.map(|v| Corner {
+                let seen = corners.map(|v| Corner {
                     sample: samples.get(v),
                     distance: (!view.orthographic).then(|| view.distance_to(mesh.position(v))),
                 });
-                nodes = matcher.leaf(corners, room);
+                nodes = matcher.leaf(seen, room);
                 leaf.flags = nodes.count << LEAF_COUNT_SHIFT;
                 if let Some((target, lit)) = nodes.first {
                     (leaf.first_target, leaf.first_lit) = (target, lit);
@@ -150,34 +161,39 @@ pub fn assemble(
             if traced_faces.contains(&face) {
                 leaf.flags |= LEAF_TRACED;
             }
-            (leaf, nodes)
+            let cut = frustum.of_points(corners.map(|v| mesh.position(v))) != Overlap::Inside;
+            (leaf, nodes, cut)
         })
         .collect();
 
     let mut result = Leaves { vertices, ..Leaves::default() };
     let blocks = traced_blocks(view, mesh, traced, &traced_faces);
     let mut groups: BTreeMap<Group, Vec<GpuLeaf>> = BTreeMap::new();
-    for (&face, (mut leaf, nodes)) in faces.iter().zip(built) {
-        leaf.nodes = result.nodes.len() as u32;
-        let shows = |branch: usize| nodes.comb.iter().any(|corner| corner[branch] != Vec3::ZERO);
-        let combined = [shows(0), shows(1)];
-        if combined[0] || combined[1] {
-            leaf.flags |= LEAF_COMBINED;
-            result.combined = [0, 1].map(|branch| result.combined[branch] || combined[branch]);
-            result.nodes.extend(nodes.comb.iter().flatten().map(|comb| floats(comb.extend(0.0))));
-        }
-        if leaf.flags & LEAF_TRACED != 0 {
-            match blocks.get(&face) {
-                Some(block) => result.nodes.extend(block),
-                None => leaf.flags &= !LEAF_TRACED,
-            }
-        } else {
-            result.nodes.extend(&nodes.texels);
-        }
+    for (&face, (mut leaf, nodes, cut)) in faces.iter().zip(built) {
         let base = mesh.faces[face as usize].base;
         let object = &scene.objects[scene.geometry.face_objects[base as usize] as usize];
-        let own = matcher.base_textures[object.material as usize];
-        groups.entry(Group::of(object.vt, own, &nodes)).or_default().push(leaf);
+        let block = blocks.get(&face);
+        if block.is_none() {
+            leaf.flags &= !LEAF_TRACED;
+        }
+        leaf.nodes = result.nodes.len() as u32;
+        // Holes are cut by shading, whatever was traced.
+        let masked = matches!(scene.materials[object.material as usize].alpha_mode, AlphaMode::Mask(_));
+        let group = if block.is_some() && !masked {
+            Group::traced(cut)
+        } else {
+            let shows = |branch: usize| nodes.comb.iter().any(|corner| corner[branch] != Vec3::ZERO);
+            let combined = [shows(0), shows(1)];
+            if combined[0] || combined[1] {
+                leaf.flags |= LEAF_COMBINED;
+                result.combined = [0, 1].map(|branch| result.combined[branch] || combined[branch]);
+                result.nodes.extend(nodes.comb.iter().flatten().map(|comb| floats(comb.extend(0.0))));
+            }
+            let own = matcher.base_textures[object.material as usize];
+            Group::of(object.vt, own, &nodes, cut)
+        };
+        result.nodes.extend(block.unwrap_or(&nodes.texels));
+        groups.entry(group).or_default().push(leaf);
         if object.vt {
             result.defined += u32::from(nodes.defined);
             result.undefined += u32::from(!nodes.defined);
@@ -189,7 +205,8 @@ pub fn assemble(
     result
 }
 
-/// Radiance of the traced pixels of each traced leaf: a rectangle's corner and size, then its pixels with w = 1.
+/// Radiance of the traced pixels of each traced leaf: a rectangle's corner and size, then its pixels as halves, two a
+/// texel.
 ///
 /// The rectangle covers the leaf, so that sub-samples in pixels that were not traced find a colour too: that of
 /// the nearest traced pixel, of this leaf if it has any. A pixel of a neighbour on the same face of the scene serves
@@ -209,17 +226,32 @@ fn traced_blocks(
             cells().filter_map(|(x, y)| Some((x, y, *by_pixel.get(&(y * view.width + x))?))).collect();
         let own = near.iter().any(|(.., pixel)| pixel.face == face);
         let (width, height) = (columns.len() as u32, rows.len() as u32);
+        let colors: Vec<[u32; 2]> = cells()
+            .map(|(x, y)| {
+                let usable = near.iter().filter(|(u, v, pixel)| {
+                    !own || pixel.face == face || ((*u, *v) == (x, y) && base_of(pixel.face) == base_of(face))
+                });
+                let nearest = usable.min_by_key(|(u, v, _)| u.abs_diff(x).pow(2) + v.abs_diff(y).pow(2));
+                nearest.map(|(.., pixel)| halves(pixel.radiance))
+            })
+            .collect::<Option<_>>()?;
         let mut block = vec![[columns.start, rows.start, width, height]];
-        for (x, y) in cells() {
-            let usable = near.iter().filter(|(u, v, pixel)| {
-                !own || pixel.face == face || ((*u, *v) == (x, y) && base_of(pixel.face) == base_of(face))
-            });
-            let (.., pixel) = usable.min_by_key(|(u, v, _)| u.abs_diff(x).pow(2) + v.abs_diff(y).pow(2))?;
-            block.push(floats(pixel.radiance.extend(1.0)));
-        }
+        block.extend(colors.chunks(2).map(|pair| {
+            let [second, third] = pair.get(1).copied().unwrap_or_default();
+            [pair[0][0], pair[0][1], second, third]
+        }));
         Some((face, block))
     };
     let leaves: Vec<u32> =
         faces.iter().copied().filter(|&face| mesh.faces[face as usize].is_leaf()).collect();
     leaves.par_iter().with_min_len(64).filter_map(block).collect()
+}
+
+/// A radiance that a half can hold, in two words.
+fn halves(radiance: Vec3) -> [u32; 2] {
+    let [r, g, b] = radiance.clamp(Vec3::splat(-MAX_RADIANCE), Vec3::splat(MAX_RADIANCE)).to_array();
+    let pair = |low: f32, high: f32| {
+        u32::from(f16::from_f32(low).to_bits()) | u32::from(f16::from_f32(high).to_bits()) << 16
+    };
+    [pair(r, g), pair(b, 0.0)]
 }

@@ -7,6 +7,7 @@ pub mod camera;
 pub mod classify;
 pub mod demo;
 pub mod environment;
+pub mod frustum;
 pub mod gltf;
 pub mod light;
 pub mod material;

@@ -29,7 +29,7 @@ mod uri;
 mod validate;
 
 use std::panic::{AssertUnwindSafe, catch_unwind};
-use std::path::Path;
+use std::path::{Path, PathBuf};
 
 use super::{Background, Scene};
 use crate::constants::DEFAULT_AMBIENT;
@@ -79,6 +79,17 @@ pub fn load(path: &Path, limits: &Limits) -> Result<Scene> {
         _ => Path::new("."),
     };
     load_slice(&bytes, Some(folder), path, limits)
+}
+
+/// Files that the glTF file at `path` refers to, with whatever it can be read for: those that [`load`] would read too.
+pub fn files_beside(path: &Path, limits: &Limits) -> Vec<PathBuf> {
+    let Ok(bytes) = container::read_file(path, limits.max_file_bytes) else { return Vec::new() };
+    let json = container::split(&bytes, path, &Notes::default()).map(|(json, _)| json).unwrap_or_default();
+    let root: serde_json::Value = serde_json::from_slice(json).unwrap_or_default();
+    let named = ["buffers", "images"].into_iter().filter_map(|key| root[key].as_array()).flatten();
+    let uris = named.filter_map(|object| object["uri"].as_str());
+    let folder = path.parent().unwrap_or(Path::new(""));
+    uris.filter_map(uri::relative_path_of).map(|relative| folder.join(relative)).collect()
 }
 
 /// Loads glTF from memory.
