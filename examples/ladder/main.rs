@@ -23,8 +23,8 @@ const SIZE: (u32, u32) = (640, 512);
 const RUNS: u32 = 5;
 /// Most that a planned frame of a scene without specular objects may take, as a multiple of plain rasterising.
 const MOST: f64 = 1.1;
-/// Turns that both are given to show it; a busy machine needs some.
-const TURNS: u32 = 5;
+/// Turns that both are given at most to show it: a busy machine needs some.
+const TURNS: u32 = 20;
 
 fn main() -> ExitCode {
     match run() {
