@@ -382,8 +382,10 @@ impl Job<'_> {
         let shown = Shown::from(visible);
         let time = Instant::now();
         let context = Context { tracer, targets, settings, view };
-        let predictor =
-            Predictor { targets, structures, scene, view, reconstruction: options.method.reconstruction };
+        let reconstruction = options.method.reconstruction;
+        // The paper's queue knows no guard.
+        let shaft_guard = options.effort.shaft_guard && reconstruction == Reconstruction::Exact;
+        let predictor = Predictor { targets, structures, scene, view, reconstruction, shaft_guard };
         let seeds = adjacency.one_ring(scene, topology, classes, view, visible.visible);
         let mesh = Mesh::new(scene, topology, view, &seeds);
         let mut refiner = Refiner::new(&context, &predictor, mesh, shown);

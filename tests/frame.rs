@@ -203,8 +203,8 @@ fn demos_stand_near_the_reference() {
     let gpu = TestGpu::open();
     for (demo, least) in [
         (Demo::Cup, 50.0),
-        (Demo::Mirror, 38.5),
-        (Demo::MirrorAndWall, 37.0),
+        (Demo::Mirror, 47.0),
+        (Demo::MirrorAndWall, 47.0),
         (Demo::Sphere, 49.0),
         (Demo::CupAndGlass, 43.0),
         (Demo::GlassBowl, 46.0),

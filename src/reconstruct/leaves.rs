@@ -8,6 +8,7 @@ use half::f16;
 use rayon::prelude::*;
 use rustc_hash::{FxHashMap, FxHashSet};
 
+use super::beside::Borders;
 use super::nodes::{Corner, LeafNodes, Matcher};
 use super::table::{SceneTable, Texel, floats};
 use crate::constants::*;
@@ -168,6 +169,7 @@ pub fn assemble(
         .collect();
     let faces: Vec<u32> = mesh.leaves().collect();
     let traced_faces: FxHashSet<u32> = pixel_faces.iter().copied().collect();
+    let borders = Borders::find(matcher.targets, mesh, samples, &faces);
     let built: Vec<(GpuLeaf, LeafNodes)> = faces
         .par_iter()
         .with_min_len(64)
@@ -191,7 +193,7 @@ pub fn assemble(
                     sample: samples.get(v),
                     distance: (!view.orthographic).then(|| view.distance_to(mesh.position(v))),
                 });
-                nodes = matcher.leaf(corners, room);
+                nodes = matcher.leaf_beside(corners, room, &borders.around(mesh, face));
                 leaf.flags = nodes.count << LEAF_COUNT_SHIFT;
                 if let Some((target, lit)) = nodes.first {
                     (leaf.first_target, leaf.first_lit) = (target, lit);
