@@ -10,6 +10,8 @@ pub mod nodes;
 pub mod paper;
 mod parts;
 pub mod passes;
+pub mod readback;
 pub mod show;
 pub mod supersample;
 pub mod table;
+pub mod vertex;
