@@ -55,6 +55,11 @@ const BLIND: f32 = 0.125;
 /// exploration it does not fade, since what stands there does not go away.
 const GUARDED: f32 = 0.05;
 
+/// Largest angle between the normals of a face's corners, in radians, at which its shafts are looked into. What hides is
+/// hidden by the size of flat faces; on curved ones samples lie close, and looking into their shafts made refinement
+/// three to ten times as long and found nothing (docs/samples.md).
+const FLAT: f32 = 0.01;
+
 /// Share of a bisected face's error that each half inherits.
 const INHERITED: f32 = 0.5;
 
@@ -211,6 +216,9 @@ impl<'a> Refiner<'a> {
 
     /// Squared contribution of the paths of one bounce that seem to be known although something stands between them.
     fn guarded(&self, face: u32, corners: [Corner; 3]) -> f32 {
+        if predict::curvature(corners) > FLAT {
+            return 0.0;
+        }
         let base = self.mesh.faces[face as usize].base;
         let own = self.context.tracer.scene().geometry.face_objects[base as usize];
         let trusted = self.predictor.trusted(corners).filter(|nodes| nodes[0].bounces == 1);

@@ -328,7 +328,7 @@ fn throughput_added(ends: [&Node; 2]) -> Vec3 {
 }
 
 /// Largest angle between the normals of two corners in radians, about, at most 1.
-fn curvature(corners: [Corner; 3]) -> f32 {
+pub fn curvature(corners: [Corner; 3]) -> f32 {
     let [a, b, c] = corners.map(|corner| corner.normal.normalize_or_zero());
     (a - b).length().max((b - c).length()).max((c - a).length()).min(1.0)
 }
