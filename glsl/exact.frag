@@ -100,8 +100,8 @@ vec3 candidates_radiance(uvec4 head, Ray ray, out vec3 texel) {
     vec3 direction = normalize(ray.direction);
     if (dot(n, direction) > 0.0) n = -n;
     // Whether a light is hidden is known of a patch at the corners that see it, not at the others.
-    vec3 seen = weights * vec3(equal(uvec3(targets[0], targets[1], targets[2]), uvec3(best_target)));
-    seen /= max(seen.x + seen.y + seen.z, 1e-6);
+    vec3 seen = max(weights, 1e-6) * vec3(equal(uvec3(targets[0], targets[1], targets[2]), uvec3(best_target)));
+    seen /= seen.x + seen.y + seen.z;
     return local_radiance(m, best.point, n, direction, head.x >> 8, seen);
 }
 

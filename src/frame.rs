@@ -439,8 +439,10 @@ impl Job<'_> {
         let shown = Shown::from(visible);
         let time = Instant::now();
         let context = Context { tracer, targets, settings, view };
-        let predictor =
-            Predictor { targets, structures, scene, view, reconstruction: options.method.reconstruction };
+        let reconstruction = options.method.reconstruction;
+        // The paper's queue knows no guard.
+        let shaft_guard = options.effort.shaft_guard && reconstruction == Reconstruction::Exact;
+        let predictor = Predictor { targets, structures, scene, view, reconstruction, shaft_guard };
         let seeds = adjacency.one_ring(scene, topology, classes, view, visible.visible);
         let some = seeds.len().div_ceil(self.most_faces).max(1);
         let seeds: Vec<_> = seeds.into_iter().step_by(some).collect();

@@ -202,12 +202,12 @@ fn two_facing_mirrors_show_exact_coordinates() {
 fn demos_stand_near_the_reference() {
     let gpu = TestGpu::open();
     for (demo, least) in [
-        (Demo::Cup, 50.0),
-        (Demo::Mirror, 38.5),
-        (Demo::MirrorAndWall, 37.0),
-        (Demo::Sphere, 49.0),
-        (Demo::CupAndGlass, 43.0),
-        (Demo::GlassBowl, 46.0),
+        (Demo::Cup, 51.0),
+        (Demo::Mirror, 47.0),
+        (Demo::MirrorAndWall, 47.0),
+        (Demo::Sphere, 55.0),
+        (Demo::CupAndGlass, 44.0),
+        (Demo::GlassBowl, 47.0),
         (Demo::PolishedTable, 42.0),
     ] {
         let scene = demo.scene();

@@ -100,6 +100,7 @@ fn refined(threads: usize) -> (Vec<glam::Vec3>, Vec<[u32; 3]>, u64) {
             scene: &scene,
             view: &view,
             reconstruction: Reconstruction::Exact,
+            shaft_guard: true,
         };
         let mesh = Mesh::new(&scene, &topology, &view, &seeds(&ids));
         let image = IdImage { width: view.width, height: view.height, pixels: &ids };

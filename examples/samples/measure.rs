@@ -22,6 +22,8 @@ pub const BUDGETS: [u64; 4] = [4_000, 12_000, 16_000, 47_000];
 pub const TARGETS: [f64; 3] = [30.0, 35.0, 40.0];
 /// Most samples that a target is sought with.
 const MOST: u64 = 300_000;
+/// Vertices at which the gain is told.
+pub const VERTICES: u64 = 12_000;
 /// Samples a pixel of the tracer that anti-aliasing is held against; the last is the truth.
 pub const SPP: [u32; 5] = [1, 2, 3, 4, 64];
 /// Samples of the anti-aliased picture.
@@ -41,6 +43,9 @@ pub type Reached = Option<(f64, f64)>;
 pub struct Curve {
     pub rows: Vec<Row>,
     pub targets: [Reached; TARGETS.len()],
+    /// PSNR with [`VERTICES`] vertices, whatever pixels are traced besides, and the secondary rays of both; of the last
+    /// step if refinement ends before.
+    pub at_vertices: (f64, f64),
 }
 
 /// Everything that was measured of one scene.
@@ -151,6 +156,7 @@ impl Lab {
 
         options.effort.max_samples = Some(MOST);
         let mut targets = [None; TARGETS.len()];
+        let mut at_vertices = (f64::NAN, f64::NAN);
         let mut last: Option<(f64, f64, f64)> = None;
         let ended = Renderer::new(&self.gpu, scene, &options)?.render_steps(
             view,
@@ -166,8 +172,14 @@ impl Lab {
                         *reached = Some((between(s, samples), between(r, rays)));
                     }
                 }
+                let (s, r, p) = last.unwrap_or((samples, rays, psnr));
+                if s < VERTICES as f64 {
+                    let t =
+                        ((VERTICES as f64).min(samples) / s).ln() / (samples / s).ln().max(f64::MIN_POSITIVE);
+                    at_vertices = (p + (psnr - p) * t, r * (rays / r.max(1.0)).powf(t));
+                }
                 last = Some((samples, rays, psnr));
-                if targets.iter().all(Option::is_some) {
+                if targets.iter().all(Option::is_some) && step.samples >= VERTICES {
                     return Err(Error::Interrupted);
                 }
                 Ok(())
@@ -177,7 +189,7 @@ impl Lab {
             Err(Error::Interrupted) => {} // all targets are met
             ended => drop(ended?),
         }
-        Ok(Curve { rows, targets })
+        Ok(Curve { rows, targets, at_vertices })
     }
 }
 

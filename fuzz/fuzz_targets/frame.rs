@@ -57,6 +57,7 @@ fuzz_target!(|bytes: &[u8]| {
         scene: &scene,
         view: &view,
         reconstruction: Reconstruction::Exact,
+        shaft_guard: true,
     };
     let ids: Vec<u32> = (0..view.pixels() as u32)
         .map(|pixel| {

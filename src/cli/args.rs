@@ -3,7 +3,7 @@
 
 use std::{path::PathBuf, time::Duration};
 
-use clap::{Args, value_parser};
+use clap::{ArgAction, Args, builder::BoolishValueParser, value_parser};
 use glam::{DVec3, Vec3};
 
 use super::values::{self, Size};
@@ -111,6 +111,9 @@ pub struct EffortArgs {
     /// Take no longer than this for the frame
     #[arg(long, value_name = "MS", value_parser = value_parser!(u32).range(1..))]
     pub budget: Option<u32>,
+    /// Refine where something stands between samples that agree, on or off
+    #[arg(long, value_name = "on|off", default_value = "on", action = ArgAction::Set, value_parser = BoolishValueParser::new())]
+    pub shaft_guard: bool,
 }
 
 impl EffortArgs {
@@ -121,6 +124,7 @@ impl EffortArgs {
             error: self.error,
             max_samples: self.max_samples,
             budget: self.budget.map(|ms| Duration::from_millis(ms.into())),
+            shaft_guard: self.shaft_guard,
         }
     }
 }

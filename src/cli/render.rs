@@ -152,7 +152,7 @@ mod tests {
              paper --nodes 2 --visibility device --error 0.25 --max-samples 9 --budget 40 --depth 7 \
              --min-throughput 0.5 --msaa 4 --ss 16 --filter aniso8 --shadows vt --fresnel --vt a --vt b \
              --no-vt c --roughness-threshold 0.2 --background 0.1,0.2,0.3 --max-triangles 5 \
-             --max-texture-bytes 6 --max-nodes 7 --show ids --everything --device 1",
+             --shaft-guard off --max-texture-bytes 6 --max-nodes 7 --show ids --everything --device 1",
         )
         .unwrap();
         assert_eq!((options.view.width, options.view.height, options.view.fov), (64, 48, Some(30.0)));
@@ -165,6 +165,7 @@ mod tests {
         assert_eq!((method.msaa, method.ss), (Msaa::Four, Ss::Sixteen));
         let effort = &options.effort;
         assert_eq!((effort.preview, effort.error, effort.max_samples), (false, 0.25, Some(9)));
+        assert!(!effort.shaft_guard);
         assert_eq!(effort.budget, Some(Duration::from_millis(40)));
         assert_eq!((options.paths.depth, options.paths.min_throughput), (7, 0.5));
         let scene = &options.scene;

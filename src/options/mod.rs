@@ -108,11 +108,13 @@ pub struct EffortOptions {
     /// Longest time for the frame; the one option whose image may differ from run to run.
     #[serde(rename = "budget_ms", serialize_with = "milliseconds")]
     pub budget: Option<Duration>,
+    /// Whether to look for what stands between samples that agree; for [`Reconstruction::Exact`].
+    pub shaft_guard: bool,
 }
 
 impl Default for EffortOptions {
     fn default() -> Self {
-        Self { preview: false, error: 0.5, max_samples: None, budget: None }
+        Self { preview: false, error: 0.5, max_samples: None, budget: None, shaft_guard: true }
     }
 }
 

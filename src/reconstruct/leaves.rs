@@ -8,6 +8,7 @@ use half::f16;
 use rayon::prelude::*;
 use rustc_hash::{FxHashMap, FxHashSet};
 
+use super::beside::Borders;
 use super::nodes::{Corner, LeafNodes, Matcher};
 use super::table::{Texel, floats};
 use super::vertex::{Attributes, VertexLayout};
@@ -128,6 +129,7 @@ pub fn assemble(
     });
     let faces: Vec<u32> = mesh.leaves().collect();
     let traced_faces: FxHashSet<u32> = pixel_faces.iter().copied().collect();
+    let borders = Borders::find(matcher.targets, mesh, samples, &faces);
     let frustum = Frustum::new(&view.clip_from_eye_relative(), view.eye);
     let built: Vec<(GpuLeaf, LeafNodes, bool)> = faces
         .par_iter()
@@ -152,7 +154,7 @@ pub fn assemble(
                     sample: samples.get(v),
                     distance: (!view.orthographic).then(|| view.distance_to(mesh.position(v))),
                 });
-                nodes = matcher.leaf(seen, room);
+                nodes = matcher.leaf_beside(seen, room, &borders.around(mesh, face));
                 leaf.flags = nodes.count << LEAF_COUNT_SHIFT;
                 if let Some((target, lit)) = nodes.first {
                     (leaf.first_target, leaf.first_lit) = (target, lit);

@@ -2,11 +2,13 @@
 
 pub mod bank;
 pub mod base;
+pub mod beside;
 pub mod drawn;
 pub mod frame_block;
 pub mod leaves;
 pub mod nodes;
 pub mod paper;
+mod parts;
 pub mod passes;
 pub mod readback;
 pub mod show;

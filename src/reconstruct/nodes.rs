@@ -2,10 +2,12 @@
 
 use glam::{Vec3, Vec4};
 
+use super::beside::Beside;
+use super::parts::Part;
 use super::table::{SceneTable, Texel, floats};
 use crate::constants::*;
 use crate::refine::samples::Sample;
-use crate::scene::patch::{ENVIRONMENT, Targets};
+use crate::scene::patch::{ENVIRONMENT, Patch, TargetId, Targets};
 use crate::scene::{Background, Scene};
 use crate::trace::sample::{Node, slot};
 
@@ -51,7 +53,7 @@ impl Default for LeafNodes {
 }
 
 impl LeafNodes {
-    fn note_texture(&mut self, reference: u32) {
+    pub(super) fn note_texture(&mut self, reference: u32) {
         if reference != NO_TEXTURE {
             let array = reference & 0xff;
             let same = self.node_array.is_none_or(|known| known == array);
@@ -69,6 +71,47 @@ pub struct Corner<'a> {
     pub distance: Option<f32>,
 }
 
+/// Where a path ends, as varyings whose weighted sums a fragment divides: the fourth component of its colour, and what
+/// [`NODE_TEXTURE`] reads besides.
+#[derive(Clone, Copy)]
+pub(super) struct Place {
+    pub scale: f32,
+    pub bundle: Vec4,
+    pub rest: Vec4,
+}
+
+impl Corner<'_> {
+    /// On a plane, by the ray (design §5 rule 2). With O = Σ b e/d o, D = Σ b e r, S = Σ b e/d:
+    /// s = (k S − N·O) / N·D, u = (G·O + c S + s G·D) / S.
+    pub(super) fn on_plane(self, patch: &Patch, node: &Node) -> Place {
+        let (scale, e) = self.distance.map_or((1.0, 1.0), |e| (e / node.to_branch, e));
+        let (origin, direction) = (node.origin * scale, node.direction * e);
+        let [u, v] = patch.base_uv;
+        Place {
+            scale,
+            bundle: Vec4::new(
+                patch.distance * scale - patch.normal.dot(origin),
+                patch.normal.dot(direction),
+                u.truncate().dot(origin) + u.w * scale,
+                v.truncate().dot(origin) + v.w * scale,
+            ),
+            rest: Vec4::new(u.truncate().dot(direction), v.truncate().dot(direction), 0.0, 0.0),
+        }
+    }
+
+    /// On a chart, by projective coordinates (design §5 rule 3).
+    pub(super) fn on_chart(self, node: &Node) -> Place {
+        let scale = self.distance.map_or(1.0, |e| e / (e + node.after));
+        Place { scale, bundle: Vec4::new(0.0, 1.0, node.uv.x * scale, node.uv.y * scale), rest: Vec4::ZERO }
+    }
+}
+
+/// The parts of a [`NODE_TEXTURE`] node: by corner, colour and place.
+pub(super) fn texture_parts(shades: [Vec3; 3], places: [Place; 3]) -> [[Vec4; 3]; 3] {
+    let scaled = std::array::from_fn(|i| shades[i].extend(places[i].scale));
+    [scaled, places.map(|place| place.bundle), places.map(|place| place.rest)]
+}
+
 /// Builds the nodes of leaves for one frame.
 pub struct Matcher<'a> {
     /// The scene.
@@ -83,16 +126,16 @@ pub struct Matcher<'a> {
     pub room: usize,
 }
 
-struct Shared<'n> {
-    nodes: [&'n Node; 3],
-    weight: f32,
-}
-
 impl Matcher<'_> {
     /// Matches the paths of a leaf's corners; the `room` heaviest become nodes.
     pub fn leaf(&self, corners: [Corner; 3], room: usize) -> LeafNodes {
+        self.leaf_beside(corners, room, &[])
+    }
+
+    /// The same for a leaf beside others that see the patches `beside`, which may show in it too.
+    pub fn leaf_beside(&self, corners: [Corner; 3], room: usize, beside: &[Beside]) -> LeafNodes {
         let mut leaf = LeafNodes::default();
-        let mut shared: Vec<Shared> = Vec::new();
+        let mut parts: Vec<Part> = Vec::new();
         for (index, corner) in corners.iter().enumerate() {
             for node in corner.sample.nodes {
                 if corners[..index].iter().any(|earlier| earlier.sample.node(node.path).is_some()) {
@@ -104,24 +147,24 @@ impl Matcher<'_> {
                         leaf.defined &= [(a, b), (b, c), (c, a)]
                             .iter()
                             .all(|(one, other)| one.target != other.target || one.lit == other.lit);
-                        let weight =
-                            [a, b, c].map(|n| n.radiance().max_element()).into_iter().fold(0.0, f32::max);
-                        shared.push(Shared { nodes: [a, b, c], weight });
+                        parts.push(Part::new(found, [true; 3]));
                     }
                     _ => {
                         leaf.defined = false;
-                        self.combine(&mut leaf, &corners, found, Node::radiance);
+                        parts.extend(Part::by_target(found));
                     }
                 }
             }
         }
-        shared.sort_by(|a, b| b.weight.total_cmp(&a.weight).then(a.nodes[0].path.cmp(&b.nodes[0].path)));
-        for (rank, path) in shared.iter().enumerate() {
-            if rank < room {
-                self.encode(&mut leaf, &corners, path.nodes);
-            } else {
-                leaf.overflow += 1;
-                self.combine(&mut leaf, &corners, path.nodes.map(Some), Node::radiance);
+        parts.sort_by(|a, b| b.weight.total_cmp(&a.weight).then(a.order().cmp(&b.order())));
+        for (rank, part) in parts.iter().enumerate() {
+            match part.whole() {
+                Some(nodes) if rank < room => self.encode(&mut leaf, &corners, nodes, beside),
+                None if rank < room => self.encode_part(&mut leaf, &corners, part),
+                whole => {
+                    leaf.overflow += u32::from(whole.is_some());
+                    self.combine(&mut leaf, &corners, part.nodes(), Node::radiance);
+                }
             }
         }
         leaf
@@ -130,14 +173,11 @@ impl Matcher<'_> {
     /// Whether a path can be followed per fragment: one target, or planar ones with outlines.
     fn interpolates(&self, nodes: [&Node; 3]) -> bool {
         let [a, b, c] = nodes.map(|node| node.target);
-        let outlined = |target: u32| {
-            self.targets.targets[target as usize].patch.as_ref().is_some_and(|patch| patch.outline.is_some())
-        };
-        a == b && b == c || [a, b, c].into_iter().all(outlined)
+        a == b && b == c || [a, b, c].into_iter().all(|target| self.targets.is_outlined(target))
     }
 
     /// Adds `value` of each node to its corner's Gouraud-shaded colour.
-    fn combine(
+    pub(super) fn combine(
         &self,
         leaf: &mut LeafNodes,
         corners: &[Corner; 3],
@@ -152,22 +192,47 @@ impl Matcher<'_> {
         }
     }
 
-    fn encode(&self, leaf: &mut LeafNodes, corners: &[Corner; 3], nodes: [&Node; 3]) {
+    /// The patches that a leaf may show after one bounce, with their lights: those that its corners `nodes` see, and
+    /// of those `beside` it as many as there is room for. `None` if there is none of these, or if a shadow's border on
+    /// one patch takes the room.
+    fn candidates(&self, nodes: [&Node; 3], beside: &[Beside]) -> Option<[(TargetId, u32); 3]> {
+        let mut seen: Vec<(TargetId, u32)> = Vec::with_capacity(3);
+        let own = nodes.map(|node| (node.target, node.lit));
+        let others = beside.iter().filter(|other| other.path == nodes[0].path).map(|b| (b.target, b.lit));
+        for (target, lit) in own {
+            match seen.iter().find(|known| known.0 == target) {
+                Some(known) if known.1 != lit => return None,
+                Some(_) => {}
+                None => seen.push((target, lit)),
+            }
+        }
+        let known = seen.len();
+        for (target, lit) in others {
+            if seen.len() < 3 && seen.iter().all(|known| known.0 != target) {
+                seen.push((target, lit));
+            }
+        }
+        let last = seen.len() - 1;
+        (seen.len() > known).then(|| std::array::from_fn(|i| seen[i.min(last)]))
+    }
+
+    fn encode(&self, leaf: &mut LeafNodes, corners: &[Corner; 3], nodes: [&Node; 3], beside: &[Beside]) {
         let [first, ..] = nodes;
         let target = &self.targets.targets[first.target as usize];
         let branch = slot(first.first);
-        let lit = (0..3).fold(0, |lit, i| lit | (nodes[i].lit & 0xff) << (8 * i));
+        let lights = nodes.map(|node| node.lit);
         let single = nodes.iter().all(|node| node.target == first.target);
         let flat = target.patch.is_some() && first.bounces == 1 && single;
         let emissive =
             self.scene.materials.get(target.material as usize).is_some_and(|m| m.emissive_texture.is_some());
-        if flat && leaf.first.is_none() && !emissive {
-            leaf.first = Some((self.table.target(first.target), lit | (branch as u32) << 31));
+        let candidates = if first.bounces == 1 { self.candidates(nodes, beside) } else { None };
+        if flat && leaf.first.is_none() && !emissive && candidates.is_none() {
+            leaf.first = Some((self.table.target(first.target), packed(lights) | (branch as u32) << 31));
             leaf.first_texture = self.base_textures[target.material as usize];
             return;
         }
-        let head = |kind: u32, words: [u32; 3]| {
-            [kind | (branch as u32) << 3 | 3 << 4 | lit << 8, words[0], words[1], words[2]]
+        let head = |kind: u32, lights: [u32; 3], words: [u32; 3]| {
+            [kind | (branch as u32) << 3 | 3 << 4 | packed(lights) << 8, words[0], words[1], words[2]]
         };
         let throughputs: [Vec3; 3] = std::array::from_fn(|i| {
             before(nodes[i].throughput, corners[i].sample.primary.attenuation[branch])
@@ -186,44 +251,28 @@ impl Matcher<'_> {
                 (Background::Color(_), _) => {
                     return self.combine(leaf, corners, nodes.map(Some), Node::radiance);
                 }
-                (_, 1) => (head(NODE_FIRST_ENVIRONMENT, [NO_TEXTURE; 3]), [ones, unused, unused]),
+                (_, 1) => (head(NODE_FIRST_ENVIRONMENT, lights, [NO_TEXTURE; 3]), [ones, unused, unused]),
                 _ => {
                     let directions = nodes.map(|node| node.direction.extend(0.0));
                     let parts = [throughputs.map(|throughput| throughput.extend(1.0)), directions, unused];
-                    (head(NODE_ENVIRONMENT, [NO_TEXTURE; 3]), parts)
+                    (head(NODE_ENVIRONMENT, lights, [NO_TEXTURE; 3]), parts)
                 }
             }
         } else if first.bounces == 1 && (flat || !single) {
-            let places = nodes.map(|node| self.table.target(node.target));
-            (head(NODE_FIRST_PLANES, places), [ones, unused, unused])
+            let seen = candidates.unwrap_or(nodes.map(|node| (node.target, node.lit)));
+            let places = seen.map(|(target, _)| self.table.target(target));
+            (head(NODE_FIRST_PLANES, seen.map(|(_, lit)| lit), places), [ones, unused, unused])
         } else if !single {
             let places = nodes.map(|node| self.table.target(node.target));
             let scaled = std::array::from_fn(|i| throughputs[i].extend(scales[i].0));
             let parts = [scaled, rays.map(|ray| ray.0.extend(0.0)), rays.map(|ray| ray.1.extend(0.0))];
-            (head(NODE_PLANES, places), parts)
-        } else if let Some(patch) = &target.patch {
-            // With O = Σ b e/d o, D = Σ b e r, S = Σ b e/d: s = (k S − N·O) / N·D, u = (G·O + c S + s G·D) / S.
-            let [u, v] = patch.base_uv;
-            let scaled = std::array::from_fn(|i| shades[i].extend(scales[i].0));
-            let bundle = std::array::from_fn(|i| {
-                let ((origin, direction), scale) = (rays[i], scales[i].0);
-                Vec4::new(
-                    patch.distance * scale - patch.normal.dot(origin),
-                    patch.normal.dot(direction),
-                    u.truncate().dot(origin) + u.w * scale,
-                    v.truncate().dot(origin) + v.w * scale,
-                )
-            });
-            let rest = rays.map(|(_, d)| Vec4::new(u.truncate().dot(d), v.truncate().dot(d), 0.0, 0.0));
-            (head(NODE_TEXTURE, texture()), [scaled, bundle, rest])
+            (head(NODE_PLANES, lights, places), parts)
         } else {
-            let weights: [f32; 3] =
-                std::array::from_fn(|i| corners[i].distance.map_or(1.0, |e| e / (e + nodes[i].after)));
-            let scaled = std::array::from_fn(|i| shades[i].extend(weights[i]));
-            let projective = std::array::from_fn(|i| {
-                Vec4::new(0.0, 1.0, nodes[i].uv.x * weights[i], nodes[i].uv.y * weights[i])
+            let at = std::array::from_fn(|i| match &target.patch {
+                Some(patch) => corners[i].on_plane(patch, nodes[i]),
+                None => corners[i].on_chart(nodes[i]),
             });
-            (head(NODE_TEXTURE, texture()), [scaled, projective, [Vec4::ZERO; 3]])
+            (head(NODE_TEXTURE, lights, texture()), texture_parts(shades, at))
         };
         if head[0] & 7 == NODE_TEXTURE {
             self.combine(leaf, corners, nodes.map(Some), |node| node.throughput * node.local.added);
@@ -235,6 +284,11 @@ impl Matcher<'_> {
         leaf.texels.extend(parts.into_iter().flatten().map(floats));
         leaf.count += 1;
     }
+}
+
+/// Lights that are not hidden, a byte a corner.
+fn packed(lights: [u32; 3]) -> u32 {
+    (0..3).fold(0, |packed, i| packed | (lights[i] & 0xff) << (8 * i))
 }
 
 /// `value` before the attenuation at the primary hit, which the shader multiplies in per fragment.

@@ -5,6 +5,7 @@
 //! Faces that are still undefined at a few pixels leave the queue: their pixels are traced one by one.
 
 pub mod dense;
+pub mod guard;
 pub mod mesh;
 pub mod pixels;
 pub mod predict;
@@ -28,8 +29,11 @@ use self::store::SampleStore;
 use crate::options::{EffortOptions, Reconstruction};
 use crate::trace::sample::Context;
 
-/// Longest edge, in pixels, at which a face is no longer bisected.
+/// Longest edge, in pixels, at which a face is no longer bisected but its pixels are traced.
 pub const STOP_SIZE: f32 = 4.0;
+
+/// The same for the paper's reconstruction, which traces no pixels and has nothing but samples: about a pixel.
+pub const PAPER_STOP_SIZE: f32 = 1.5;
 
 /// Share of the leaves that one step bisects.
 const BATCH_SHARE: usize = 8;
@@ -46,6 +50,15 @@ const EXPLORE_PIXELS: f32 = 3000.0;
 /// Longest edge, as a share of the image's longer side, of a face whose samples are trusted although nothing between them
 /// was looked at: whatever corners predict, a larger one may hide anything.
 const BLIND: f32 = 0.125;
+
+/// Share of a path's squared contribution that is expected to be wrong where something enters its shaft: unlike
+/// exploration it does not fade, since what stands there does not go away.
+const GUARDED: f32 = 0.05;
+
+/// Largest angle between the normals of a face's corners, in radians, at which its shafts are looked into. What hides is
+/// hidden by the size of flat faces; on curved ones samples lie close, and looking into their shafts made refinement
+/// three to ten times as long and found nothing (docs/samples.md).
+const FLAT: f32 = 0.01;
 
 /// Share of a bisected face's error that each half inherits.
 const INHERITED: f32 = 0.5;
@@ -98,6 +111,8 @@ struct State {
     deviation: Deviation,
     /// Pixels that show it, estimated.
     pixels: f32,
+    /// Squared contribution of the paths whose shafts are entered.
+    guarded: f32,
     /// Whether its pixels are traced one by one.
     traced: bool,
 }
@@ -179,6 +194,7 @@ impl<'a> Refiner<'a> {
                 let own = self.predictor.face(corners, self.mesh.size(face));
                 State {
                     deviation: own.plus(inherited(face)),
+                    guarded: if self.predictor.shaft_guard { self.guarded(face, corners) } else { 0.0 },
                     pixels: pixels::visible(&self.mesh, self.context.view, self.shown, face),
                     traced: false,
                 }
@@ -191,11 +207,23 @@ impl<'a> Refiner<'a> {
             let large = (state.pixels / EXPLORE_PIXELS).min(1.0).powi(2);
             let fade = if self.is_blind(face) { 1.0 } else { large.max(EXPLORE_FADE.powi(level)) };
             let explored = EXPLORE * fade;
-            let color = state.deviation.color + explored;
+            let color = state.deviation.color + GUARDED * state.guarded + explored;
             if state.pixels > 0.0 && color > NEGLIGIBLE {
                 self.queue.push(Entry { priority: color * state.pixels, face });
             }
         }
+    }
+
+    /// Squared contribution of the paths of one bounce that seem to be known although something stands between them.
+    fn guarded(&self, face: u32, corners: [Corner; 3]) -> f32 {
+        if predict::curvature(corners) > FLAT {
+            return 0.0;
+        }
+        let base = self.mesh.faces[face as usize].base;
+        let own = self.context.tracer.scene().geometry.face_objects[base as usize];
+        let trusted = self.predictor.trusted(corners).filter(|nodes| nodes[0].bounces == 1);
+        let entered = trusted.filter(|&nodes| guard::is_entered(self.context, own, nodes));
+        entered.map(|nodes| self.predictor.square(nodes[0])).sum()
     }
 
     /// Whether the face is visible and too large to be trusted.
@@ -289,14 +317,15 @@ impl<'a> Refiner<'a> {
             if !self.mesh.faces[face as usize].is_leaf() {
                 continue;
             }
-            if self.mesh.size(face) <= STOP_SIZE {
-                // The paper knows no traced pixels: its faces stop here as they are.
-                if self.predictor.reconstruction == Reconstruction::Paper {
+            let size = self.mesh.size(face);
+            match self.predictor.reconstruction {
+                Reconstruction::Paper if size <= PAPER_STOP_SIZE => continue,
+                Reconstruction::Exact if size <= STOP_SIZE => {
+                    self.trace_pixels_of(face);
+                    left_queue = true;
                     continue;
                 }
-                self.trace_pixels_of(face);
-                left_queue = true;
-                continue;
+                _ => {}
             }
             self.mesh.bisect(face, &mut splits);
             popped += 1;

@@ -17,6 +17,10 @@ use crate::trace::sample::Node;
 /// as a ramp is off by 1/12 in the mean square, a little more where the ramp overshoots the step.
 const UNMATCHED: f32 = 0.12;
 
+/// Share of a contribution's square that a border between patches is expected to cost for each radian that the surface
+/// turns within a face: small, so that these faces wait for all whose error is known, but are not forgotten.
+const BULGED: f32 = 0.02;
+
 /// Predicted error per pixel of a face.
 #[derive(Debug, Clone, Copy, Default, PartialEq)]
 pub struct Deviation {
@@ -67,6 +71,8 @@ pub struct Predictor<'a> {
     pub view: &'a View,
     /// How leaves are drawn.
     pub reconstruction: Reconstruction,
+    /// Whether shafts are looked into: see [`guard`](super::guard).
+    pub shaft_guard: bool,
 }
 
 impl Predictor<'_> {
@@ -198,10 +204,21 @@ impl Predictor<'_> {
 
     /// Whether differing targets of one path can be told apart per fragment: planar, outlined, diffuse.
     pub fn are_candidates<'n>(&self, mut nodes: impl Iterator<Item = &'n Node>) -> bool {
-        nodes.all(|node| {
-            let target = &self.targets.targets[node.target as usize];
-            target.patch.as_ref().is_some_and(|patch| patch.outline.is_some())
+        nodes.all(|node| self.targets.is_outlined(node.target))
+    }
+
+    /// The paths that are followed between all three corners.
+    pub fn trusted<'n>(&self, corners: [Corner<'n>; 3]) -> impl Iterator<Item = [&'n Node; 3]> {
+        corners[0].sample.nodes.iter().filter_map(move |a| {
+            let nodes = [a, corners[1].sample.node(a.path)?, corners[2].sample.node(a.path)?];
+            let one = nodes.iter().all(|node| node.target == a.target);
+            (one || self.are_candidates(nodes.into_iter())).then_some(nodes)
         })
+    }
+
+    /// Squared contribution of a node with the mean texel.
+    pub fn square(&self, node: &Node) -> f32 {
+        mean_square(weight(node, self.structure(node.target)))
     }
 
     /// What the corners of a face do not share; `size` is the face's longest edge in pixels.
@@ -248,7 +265,7 @@ impl Predictor<'_> {
             }
             // Where the surface is curved, the border bulges into faces beside it whose corners see one target.
             let missed = self.uncovered(nodes, self.eye_distances(corners, nodes)) / UNMATCHED;
-            loss = (missed + curvature(corners)) * whole();
+            loss = (missed + BULGED * curvature(corners)) * whole();
         }
         for (one, other) in [(a, b), (b, c), (c, a)] {
             if one.target == other.target && one.lit != other.lit {
@@ -311,7 +328,7 @@ fn throughput_added(ends: [&Node; 2]) -> Vec3 {
 }
 
 /// Largest angle between the normals of two corners in radians, about, at most 1.
-fn curvature(corners: [Corner; 3]) -> f32 {
+pub fn curvature(corners: [Corner; 3]) -> f32 {
     let [a, b, c] = corners.map(|corner| corner.normal.normalize_or_zero());
     (a - b).length().max((b - c).length()).max((c - a).length()).min(1.0)
 }

@@ -112,6 +112,11 @@ impl Targets {
     pub fn of(&self, face: u32) -> TargetId {
         self.of_face[face as usize]
     }
+
+    /// Whether a target is a patch with an outline: a ray tells by itself whether it meets it.
+    pub fn is_outlined(&self, target: TargetId) -> bool {
+        self.targets[target as usize].patch.as_ref().is_some_and(|patch| patch.outline.is_some())
+    }
 }
 
 /// Textures other than base colour and emission vary the shading within a patch.

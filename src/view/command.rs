@@ -36,6 +36,9 @@ pub fn render_line(scene: &Path, options: &Options) -> String {
     line.changed("--error", effort.error, default.effort.error);
     line.given("--max-samples", effort.max_samples.map(|samples| samples.to_string()));
     line.given("--budget", effort.budget.map(|budget| budget.as_millis().to_string()));
+    if effort.shaft_guard != default.effort.shaft_guard {
+        line.add("--shaft-guard", if effort.shaft_guard { "on" } else { "off" });
+    }
     line.changed("--depth", paths.depth, default.paths.depth);
     line.changed("--min-throughput", paths.min_throughput, default.paths.min_throughput);
     line.choice("--shadows", scene.shadows);
