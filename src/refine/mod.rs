@@ -113,6 +113,8 @@ struct State {
     pixels: f32,
     /// Squared contribution of the paths whose shafts are entered.
     guarded: f32,
+    /// Longest edge in pixels.
+    size: f32,
     /// Whether its pixels are traced one by one.
     traced: bool,
 }
@@ -191,11 +193,13 @@ impl<'a> Refiner<'a> {
             .with_min_len(32)
             .map(|&face| {
                 let corners = self.mesh.faces[face as usize].corners.map(|v| self.corner(v));
-                let own = self.predictor.face(corners, self.mesh.size(face));
+                let size = self.mesh.size(face);
+                let own = self.predictor.face(corners, size);
                 State {
                     deviation: own.plus(inherited(face)),
                     guarded: if self.predictor.shaft_guard { self.guarded(face, corners) } else { 0.0 },
                     pixels: pixels::visible(&self.mesh, self.context.view, self.shown, face),
+                    size,
                     traced: false,
                 }
             })
@@ -228,8 +232,8 @@ impl<'a> Refiner<'a> {
 
     /// Whether the face is visible and too large to be trusted.
     fn is_blind(&self, face: u32) -> bool {
-        self.state[face as usize].pixels > 0.0
-            && self.mesh.size(face) > BLIND * self.context.view.height.max(self.context.view.width) as f32
+        let State { pixels, size, .. } = self.state[face as usize];
+        pixels > 0.0 && size > BLIND * self.context.view.height.max(self.context.view.width) as f32
     }
 
     /// Samples that count against a budget: vertices, and pixels traced one by one.
@@ -317,7 +321,7 @@ impl<'a> Refiner<'a> {
             if !self.mesh.faces[face as usize].is_leaf() {
                 continue;
             }
-            let size = self.mesh.size(face);
+            let State { size, .. } = self.state[face as usize];
             match self.predictor.reconstruction {
                 Reconstruction::Paper if size <= PAPER_STOP_SIZE => continue,
                 Reconstruction::Exact if size <= STOP_SIZE => {
