@@ -73,6 +73,13 @@ impl Quad {
         quad
     }
 
+    /// Number of triangles.
+    #[cfg(test)]
+    pub fn len(&self) -> usize {
+        let x = self.corners[0][0];
+        x.cmpeq(x).bitmask().count_ones() as usize
+    }
+
     /// Hits between 0 and `end`, both excluded; `None` without any.
     ///
     /// A corner is sheared to the same two numbers in every triangle that has it, and the sign of an edge's

@@ -11,9 +11,9 @@ use super::quad::{LANES, Quad};
 /// Smallest magnitude of a direction's component that is inverted as it is.
 const SMALLEST_COMPONENT: f32 = 1e-15;
 
-/// Subtrees that wait for their turn before the heap is asked for more room: enough for a balanced tree of 10^9
-/// faces.
-const INLINE_STACK: usize = 48;
+/// Subtrees that wait for their turn before the heap is asked for more room: a balanced tree of 50,000
+/// faces needs 24.
+const INLINE_STACK: usize = 24;
 
 /// The hierarchy. Node 0 is the root, also of an empty scene.
 pub(super) struct Bvh4 {
@@ -73,12 +73,12 @@ impl Node {
     /// Distances at which the ray enters the four boxes, and a bit for each that it enters before `end`.
     #[inline(always)]
     fn enter(&self, ray: &BoxProbe, end: f32) -> ([f32; LANES], u32) {
-        let plane = |axis: usize, side: usize| {
-            (self.bounds[axis][side & 1] - ray.origin[axis]) * ray.inverse[axis]
-        };
+        let plane =
+            |axis: usize, side: usize| (self.bounds[axis][side & 1] - ray.origin[axis]) * ray.inverse[axis];
         let [x, y, z] = ray.near;
-        let near = plane(0, x).max(plane(1, y)).max(plane(2, z)).max(Vec4::ZERO);
-        let far = plane(0, x ^ 1).min(plane(1, y ^ 1)).min(plane(2, z ^ 1)).min(Vec4::splat(end));
+        // In pairs, since it is latency that a descent waits for.
+        let near = plane(0, x).max(plane(1, y)).max(plane(2, z).max(Vec4::ZERO));
+        let far = plane(0, x ^ 1).min(plane(1, y ^ 1)).min(plane(2, z ^ 1).min(Vec4::splat(end)));
         (near.to_array(), near.cmple(far).bitmask())
     }
 }
@@ -188,16 +188,29 @@ impl Bvh4 {
             } else {
                 let node = &self.nodes[child.index()];
                 let (near, mut entered) = node.enter(ray, end);
-                let mut next = || {
-                    let lane = entered.trailing_zeros() as usize;
-                    let distance = near.get(lane)?.to_bits();
-                    entered &= entered - 1;
-                    Some(u64::from(distance) << 32 | u64::from(node.children[lane].0))
-                };
-                if let Some(mut nearest) = next() {
-                    while let Some(other) = next() {
+                if entered != 0 {
+                    let mut next = || {
+                        let lane = entered.trailing_zeros() as usize % LANES;
+                        entered &= entered - 1;
+                        (lane, entered == 0)
+                    };
+                    let (first, alone) = next();
+                    child = node.children[first];
+                    if alone {
+                        continue;
+                    }
+                    let entry = |lane: usize| {
+                        u64::from(near[lane].to_bits()) << 32 | u64::from(node.children[lane].0)
+                    };
+                    let mut nearest = entry(first);
+                    loop {
+                        let (lane, last) = next();
+                        let other = entry(lane);
                         stack.push(nearest.max(other));
                         nearest = nearest.min(other);
+                        if last {
+                            break;
+                        }
                     }
                     child = Child(nearest as u32);
                     continue;
@@ -283,4 +296,100 @@ impl<'b> Faces<'b> {
 fn children(node: &Bvh2Node) -> Option<[usize; 2]> {
     let first = node.first_index as usize;
     (!node.is_leaf()).then_some([first, first + 1])
+}
+
+#[cfg(test)]
+mod tests {
+    use std::time::Duration;
+
+    use glam::Vec3A;
+    use obvhs::{BvhBuildParams, bvh2::builder::build_bvh2};
+    use proptest::prelude::*;
+
+    use super::super::{Hit, quad::Probe};
+    use super::*;
+
+    fn tree(faces: &[[Vec3; 3]]) -> Bvh4 {
+        let boxes: Vec<Aabb> = faces
+            .iter()
+            .map(|&[a, b, c]| Aabb {
+                min: Vec3A::from(a.min(b).min(c) - 1e-3),
+                max: Vec3A::from(a.max(b).max(c) + 1e-3),
+            })
+            .collect();
+        let params = BvhBuildParams { max_prims_per_leaf: 1, ..BvhBuildParams::medium_build() };
+        let binary = match boxes.len() {
+            0 => Bvh2::default(),
+            _ => build_bvh2(&boxes, params, &mut Duration::default()),
+        };
+        Bvh4::new(&binary, |face| faces[face as usize])
+    }
+
+    fn nearest(quads: &[Quad], probe: &Probe) -> Option<Hit> {
+        let hits = quads.iter().filter_map(|quad| {
+            let crossing = quad.intersect(probe, f32::INFINITY)?;
+            crossing.each().map(|lane| crossing.hit(lane, quad)).min_by(|a, b| a.t.total_cmp(&b.t))
+        });
+        hits.min_by(|a, b| a.t.total_cmp(&b.t))
+    }
+
+    fn traced(tree: &Bvh4, ray: &BoxProbe, probe: &Probe) -> Option<f32> {
+        let mut nearest = None;
+        tree.traverse(ray, f32::INFINITY, |quad, mut end| {
+            for hit in quad.intersect(probe, end).iter().flat_map(|c| c.each().map(|lane| c.hit(lane, quad)))
+            {
+                if hit.t < end {
+                    end = hit.t;
+                    nearest = Some(end);
+                }
+            }
+            Some(end)
+        });
+        nearest
+    }
+
+    fn point() -> impl Strategy<Value = Vec3> {
+        prop::array::uniform3(-1.0..1.0_f32).prop_map(Vec3::from)
+    }
+
+    proptest! {
+        /// The tree finds what testing every triangle by itself finds, also along the axes.
+        #[test]
+        fn nothing_is_lost(
+            faces in prop::collection::vec(prop::array::uniform3(point()), 0..60),
+            origin in point(),
+            direction in prop_oneof![point(), Just(Vec3::X), Just(Vec3::NEG_Y), Just(Vec3::Z)],
+        ) {
+            let Some(direction) = direction.try_normalize() else { return Ok(()) };
+            let quads: Vec<Quad> =
+                (0..faces.len() as u32).map(|face| Quad::new(&[face], |face| faces[face as usize])).collect();
+            let (ray, probe) = (BoxProbe::new(origin, direction), Probe::new(origin, direction));
+            let found = traced(&tree(&faces), &ray, &probe);
+            prop_assert_eq!(found, nearest(&quads, &probe).map(|hit| hit.t));
+        }
+    }
+
+    #[test]
+    fn deep_trees_spill() {
+        let mut stack = Stack::new();
+        let entries: Vec<u64> = (0..3 * INLINE_STACK as u64).collect();
+        entries.iter().for_each(|&entry| stack.push(entry));
+        let popped: Vec<u64> = std::iter::from_fn(|| stack.pop()).collect();
+        assert!(popped.iter().eq(entries.iter().rev()));
+        assert_eq!(stack.pop(), None);
+    }
+
+    #[test]
+    fn every_face_is_in_one_quad() {
+        for count in [1, 2, 4, 5, 17, 300] {
+            let corner = |i: usize| Vec3::new(i as f32, (i * i % 7) as f32, (i % 5) as f32);
+            let faces: Vec<[Vec3; 3]> = (0..count)
+                .map(|i| [corner(i), corner(i) + Vec3::X * 0.3, corner(i) + Vec3::Y * 0.3])
+                .collect();
+            let tree = tree(&faces);
+            let lanes: usize = tree.quads.iter().map(Quad::len).sum();
+            assert_eq!(lanes, count);
+            assert!(tree.quads.len() <= count.div_ceil(2).max(1) || count < 5, "{} quads", tree.quads.len());
+        }
+    }
 }
