@@ -3,7 +3,8 @@
 # make bench   error against run time on demo scenes, in minutes: out/bench/cup/index.html and others
 # make samples samples against error, measured here: out/samples.md; SCENES='a.glb b.glb' adds files
 # make test    the whole suite, as CI runs it
-# make test-models DIR=folder   renders a folder of models and holds them against its manifest.json
+# make test-models DIR=folder   renders a folder of models, release and debug, and holds them against its
+#              manifest.json, 10 seconds and 3 GB each
 # make setup   installs what building needs (libraries by apt-get; nothing if all is there)
 
 .PHONY: demo figures bench samples test test-models setup setup-tests
@@ -62,3 +63,5 @@ test-models: setup
 	@test -d "$(DIR)" || { echo 'error: $(DIR): no such folder' >&2; exit 1; }
 	cargo build --release --locked --bins --example check_models
 	target/release/examples/check_models "$(DIR)"
+	cargo build --locked --bins --example check_models
+	target/debug/examples/check_models "$(DIR)"

@@ -5,7 +5,8 @@
 #include "shading.glsl"
 
 // What the leaves of this draw may have: LEAVES_PLAIN no specular part, LEAVES_FIRST at most the patch that the
-// view ray meets after one bounce, LEAVES_NODES any number of textures besides, LEAVES_ALL nodes of any kind.
+// view ray meets after one bounce, LEAVES_NODES any number of textures besides, LEAVES_ALL nodes of any kind;
+// LEAVES_TRACED nothing but traced pixels.
 layout(constant_id = 2) const uint LEAVES = LEAVES_ALL;
 // Whether the textures of its nodes all lie in `node_texture`.
 layout(constant_id = 9) const bool MIXED_TEXTURES = true;
@@ -157,7 +158,25 @@ vec3 node_radiance(inout uint at, Branches branches, out uint branch) {
     return shade.rgb * candidates_radiance(head, Ray(bundle.xyz / shade.w, rest.xyz / shade.w), texel);
 }
 
+// Radiance of the traced pixel under the fragment, of those at `block`: false where it has none.
+bool traced_radiance(uint block, out vec3 traced) {
+    uvec4 corner_and_size = node_words(block);
+    uvec2 cell = uvec2(gl_FragCoord.xy) - corner_and_size.xy;
+    uint index = cell.y * corner_and_size.z + cell.x;
+    // Two to a texel, as halves.
+    uvec4 pair = node_words(block + 1u + index / 2u);
+    uvec2 halves = (index & 1u) == 0u ? pair.xy : pair.zw;
+    traced = vec3(unpackHalf2x16(halves.x), unpackHalf2x16(halves.y).x);
+    return all(lessThan(cell, corner_and_size.zw));
+}
+
 void main() {
+    if (LEAVES == LEAVES_TRACED) {
+        vec3 traced;
+        traced_radiance(header.z, traced);
+        radiance = vec4(traced, 1.0);
+        return;
+    }
     vec3 d = view_direction(position);
     vec3 n = normalize(normal);
     // Without specular part its side alone matters.
@@ -216,13 +235,9 @@ void main() {
             sum += branches.attenuation[b] * branch_sum;
         }
     }
-    if ((header.w & LEAF_TRACED) != 0u) {
-        uvec4 block = node_words(header.z);
-        uvec2 cell = uvec2(gl_FragCoord.xy) - block.xy;
-        if (all(lessThan(cell, block.zw))) {
-            vec4 traced = node_floats(header.z + 1u + cell.y * block.z + cell.x);
-            if (traced.w > 0.0) sum = (COMPONENTS & COMPONENT_PRIMARY) != 0u ? traced.rgb : vec3(0.0);
-        }
+    if (HAS_ALPHA_TEST && (header.w & LEAF_TRACED) != 0u) {
+        vec3 traced;
+        if (traced_radiance(header.z, traced)) sum = (COMPONENTS & COMPONENT_PRIMARY) != 0u ? traced : vec3(0.0);
     }
     if (cut_out) discard;
     float alpha = HAS_BLENDING && (m.flags & MATERIAL_BLEND) != 0u ? clamp(m.alpha, 0.0, 1.0) : 1.0;

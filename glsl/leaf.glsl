@@ -1,14 +1,6 @@
-// Layouts of vertices and leaves, as reconstruct/leaves.rs writes them, and what the vertex shader hands on.
+// Layout of leaves, as reconstruct/leaves.rs writes them.
 #ifndef LEAF_GLSL
 #define LEAF_GLSL
-
-struct Vertex {
-    vec3 position;
-    vec3 normal;        // interpolated linearly, not of unit length
-    vec2 uv[2];
-    uint color[2];      // halves
-    uint tangent[2];    // halves
-};
 
 struct Leaf {
     uint vertices[3];

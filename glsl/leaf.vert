@@ -9,8 +9,8 @@
 #include "frame.glsl"
 #include "leaf.glsl"
 #include "material_constants.glsl"
+#include "vertex_fetch.glsl"
 
-layout(set = 1, binding = 0, scalar) readonly buffer Vertices { Vertex vertices[]; };
 layout(set = 1, binding = 1, scalar) readonly buffer Leaves { Leaf leaves[]; };
 layout(set = 1, binding = 2) uniform usamplerBuffer node_table;
 
@@ -38,34 +38,47 @@ vec2 slot_coordinates(uint material, uint slot, vec4 sets) {
     return vec2(dot(u.xyz, at), dot(v.xyz, at));
 }
 
+// As in exact.frag, which reads no more of the outputs than are written here.
+layout(constant_id = 2) const uint LEAVES = LEAVES_ALL;
+
 void main() {
     Leaf leaf = leaves[gl_VertexIndex / 3];
     uint corner = gl_VertexIndex % 3;
-    Vertex vertex = vertices[leaf.vertices[corner]];
+    uint vertex_index = leaf.vertices[corner];
+    if (LEAVES == LEAVES_TRACED) {
+        position = vertex_position(vertex_index);
+        gl_Position = frame.clip_from_eye_relative * vec4(position - frame.eye, 1.0);
+        header = uvec4(leaf.nodes);
+        return;
+    }
+    Vertex vertex = fetch_vertex(vertex_index);
+    gl_Position = frame.clip_from_eye_relative * vec4(vertex.position - frame.eye, 1.0);
     position = vertex.position;
     normal = vertex.normal;
-    uv = vec4(vertex.uv[0], vertex.uv[1]);
-    slot_uv = vec4(slot_coordinates(leaf.material, 0u, uv), slot_coordinates(leaf.material, 1u, uv));
+    slot_uv =
+        vec4(slot_coordinates(leaf.material, 0u, vertex.uv), slot_coordinates(leaf.material, 1u, vertex.uv));
     weights = vec3(corner == 0u, corner == 1u, corner == 2u);
-    color = HAS_VERTEX_COLORS ? vec4(unpackHalf2x16(vertex.color[0]), unpackHalf2x16(vertex.color[1])) : vec4(1.0);
-    tangent = vec4(0.0);
-    if (HAS_NORMAL_TEXTURES) tangent = vec4(unpackHalf2x16(vertex.tangent[0]), unpackHalf2x16(vertex.tangent[1]));
+    if (HAS_VERTEX_COLORS) color = vertex.color;
+    if ((FEATURES & FEATURE_DETAIL_TEXTURES) != 0u) uv = vertex.uv;
+    if (HAS_NORMAL_TEXTURES) tangent = vertex.tangent;
     // What is Gouraud-shaded of reflection and transmission, before α: a texel a corner and branch.
     uint rest = leaf.nodes;
-    comb_reflected = vec3(0.0);
-    comb_transmitted = vec3(0.0);
+    vec3 comb[2] = vec3[2](vec3(0.0), vec3(0.0));
     if ((leaf.flags & LEAF_COMBINED) != 0u) {
-        comb_reflected = uintBitsToFloat(texelFetch(node_table, int(rest + 2u * corner)).xyz);
-        comb_transmitted = uintBitsToFloat(texelFetch(node_table, int(rest + 2u * corner + 1u)).xyz);
+        comb[0] = uintBitsToFloat(texelFetch(node_table, int(rest + 2u * corner)).xyz);
+        comb[1] = uintBitsToFloat(texelFetch(node_table, int(rest + 2u * corner + 1u)).xyz);
         rest += COMBINED_TEXELS;
     }
 
     header = uvec4(leaf.material, leaf.lit, rest, leaf.flags);
     uvec4 textures = scene_words(leaf.material + 4u);
     references = uvec4(textures.x, textures.y, leaf.first_target, leaf.first_lit);
-    vec3 a = vertices[leaf.vertices[0]].position;
-    facet = cross(vertices[leaf.vertices[1]].position - a, vertices[leaf.vertices[2]].position - a);
+    vec3 a = vertex_position(leaf.vertices[0]);
+    facet = cross(vertex_position(leaf.vertices[1]) - a, vertex_position(leaf.vertices[2]) - a);
     material_constants(leaf.material, own);
+    if (LEAVES == LEAVES_PLAIN) return;
+    comb_reflected = comb[0];
+    comb_transmitted = comb[1];
     if (leaf.first_target != NO_TARGET) {
         uint material = scene_words(leaf.first_target + 1u).x;
         vec4 constants[4];
@@ -81,5 +94,4 @@ void main() {
     } else {
         for (uint i = 0u; i < 7u; ++i) first[i] = vec4(0.0);
     }
-    gl_Position = frame.clip_from_eye_relative * vec4(vertex.position - frame.eye, 1.0);
 }

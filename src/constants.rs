@@ -105,8 +105,26 @@ shared_constants! {
     FEATURE_SPOT_LIGHTS: u32 = 0x1_0000;
     /// Some light ends at a range.
     FEATURE_LIGHT_RANGES: u32 = 0x2_0000;
+    /// Some object is lit or specular.
+    FEATURE_NORMALS: u32 = 0x4_0000;
+    /// Some texture that shows takes its coordinates from the first set.
+    FEATURE_FIRST_UV: u32 = 0x8_0000;
+    /// Some texture that shows takes its coordinates from the second set.
+    FEATURE_SECOND_UV: u32 = 0x10_0000;
     /// All of the above.
-    FEATURE_EVERYTHING: u32 = 0x3_ffff;
+    FEATURE_EVERYTHING: u32 = 0x1f_ffff;
+    /// Specialization constant: words of a vertex of leaves.
+    VERTEX_WORDS_ID: u32 = 20;
+    /// Where its normal lies.
+    NORMAL_AT_ID: u32 = 21;
+    /// Where its first texture coordinates lie.
+    FIRST_UV_AT_ID: u32 = 22;
+    /// Where its second texture coordinates lie.
+    SECOND_UV_AT_ID: u32 = 23;
+    /// Where its colour lies.
+    COLOR_AT_ID: u32 = 24;
+    /// Where its tangent lies.
+    TANGENT_AT_ID: u32 = 25;
     /// Texel of a target at which its outline begins.
     TARGET_OUTLINE: u32 = 6;
     /// Texels of a target.
@@ -150,6 +168,8 @@ shared_constants! {
     LEAVES_NODES: u32 = 2;
     /// Leaves with nodes of any kind.
     LEAVES_ALL: u32 = 3;
+    /// Traced pixels cover them, and nothing cuts holes into them: no shading is left to do.
+    LEAVES_TRACED: u32 = 4;
     /// Textures of nodes lie in several arrays of the bank.
     MIXED_ARRAYS: u32 = 0xff;
     /// C_prim · CT_prim of Eq. 3.

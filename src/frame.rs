@@ -1,27 +1,27 @@
 //! One frame, from camera to finished image: a script of the stages (design §1).
 
+mod ahead;
+mod kept;
+
 use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::time::{Duration, Instant};
 
 use rustc_hash::FxHashSet;
 
-use crate::constants::{COMPONENT_PRIMARY, MAX_LIGHTS};
+use crate::constants::COMPONENT_PRIMARY;
 use crate::error::{Error, Result};
-use crate::gpu::{Gpu, Uploads};
-use crate::options::{EffortOptions, Msaa, Options, Reconstruction, VisibilityWay};
+use crate::gpu::Gpu;
+use crate::options::{EffortOptions, Options, Reconstruction};
 use crate::plan::Plan;
-use crate::reconstruct::bank::{self, Bank};
-use crate::reconstruct::base;
 use crate::reconstruct::drawn::Drawn;
 use crate::reconstruct::frame_block::FrameBlock;
 use crate::reconstruct::leaves;
 use crate::reconstruct::nodes::{Corner, Matcher};
 use crate::reconstruct::paper;
-use crate::reconstruct::passes::{Painter, PassOptions};
 use crate::reconstruct::show::{self, FrameData, LeafKind, Overlay};
 use crate::reconstruct::supersample;
-use crate::reconstruct::table::SceneTable;
+use crate::reconstruct::vertex::VertexLayout;
 use crate::refine::mesh::Mesh;
 use crate::refine::pixels::{Shown, TracedPixel};
 use crate::refine::predict::Predictor;
@@ -34,7 +34,15 @@ use crate::scene::topology::Topology;
 use crate::scene::{Scene, View};
 use crate::trace::sample::Context;
 use crate::trace::{Rays, Settings, Tracer};
-use crate::visibility::{self, Adjacency, Class, Finder, Found};
+use crate::visibility::{Adjacency, Class, Finder, Found};
+
+pub use ahead::Ahead;
+use ahead::Undelivered;
+pub use kept::Kept;
+use kept::{Painted, Samples};
+
+/// Times that a step took to be shown, which must have passed before the next is.
+const PAUSE: u32 = 3;
 
 /// What tracing needs of a scene, whatever the view: absent if nothing is traced.
 struct Traced<'s> {
@@ -42,6 +50,7 @@ struct Traced<'s> {
     structures: Vec<Structure>,
     adjacency: Adjacency,
     classes: Vec<Class>,
+    bvh_ms: f64,
 }
 
 /// Renders frames of one scene on one device.
@@ -53,11 +62,10 @@ pub struct Renderer<'s> {
     traced: Option<Traced<'s>>,
     /// Finds what is visible, if anything is traced.
     finder: Option<Finder<'s>>,
-    table: SceneTable,
-    base_textures: Vec<u32>,
-    painter: Painter,
+    painted: Painted,
     settings: Settings,
-    bvh_ms: f64,
+    /// Samples of earlier frames, if they are kept.
+    samples: Option<Samples>,
     /// Samples of the last frame, and its time from the end of refinement to the finished image.
     finished: (u64, Duration),
     interrupt: Arc<AtomicBool>,
@@ -65,7 +73,14 @@ pub struct Renderer<'s> {
     reserve: Reserve,
     /// Least time between two steps that an observer sees.
     step_interval: Duration,
+    /// What these options do not ask for.
+    kept: Kept,
+    warming_up: bool,
 }
+
+/// Samples of the frame that compiles a scene's draws, and the visible faces that it is about.
+const WARM_UP_SAMPLES: u64 = 4096;
+const WARM_UP_FACES: usize = 4096;
 
 /// The image after a refinement step; the first is the preview, before any.
 pub struct Step {
@@ -98,47 +113,25 @@ impl<'s> Renderer<'s> {
     /// # Errors
     /// More faces or texels than the device can hold; no device memory left.
     pub fn new(gpu: &Arc<Gpu>, scene: &'s Scene, options: &Options) -> Result<Self> {
-        let started = Instant::now();
-        let plan = Plan::new(scene, options);
-        let mut bvh_ms = 0.0;
-        let traced = if plan.traces() {
-            let tracer = Tracer::new(scene);
-            bvh_ms = ms(started);
-            let classes = visibility::classes(scene, plan.receivers);
-            Some(Traced {
-                tracer,
-                adjacency: Adjacency::new(scene, &plan.topology),
-                structures: if plan.specular { Structure::all(scene) } else { Vec::new() },
-                classes,
-            })
-        } else {
-            None
-        };
-        let finder = traced
-            .as_ref()
-            .map(|traced| Finder::new(gpu, scene, &traced.classes, options.method.visibility))
-            .transpose()?;
-        let texels = plan.textures.bytes(scene, options.method.filter) + bank::panorama_bytes(scene);
-        let mut uploads = Uploads::new(gpu, "texture uploads", bank::staging_bytes(texels))?;
-        let bank = Bank::new(&mut uploads, scene, &plan.textures, options.method.filter)?;
-        let table = SceneTable::new(scene, &plan.targets, &bank, options.scene.fresnel);
-        let base_textures: Vec<u32> =
-            scene.materials.iter().map(|m| bank.reference(m.base_color_texture)).collect();
-        let single_pass = traced.is_some() && options.method.visibility == VisibilityWay::SinglePass;
+        Self::reusing(Kept::default(), gpu, scene, options)
+    }
+
+    /// The same, but only what `kept` lacks: what [`into_kept`](Self::into_kept) left of a renderer on the same device,
+    /// of the same faces, materials and textures; options and lights may be others.
+    ///
+    /// # Errors
+    /// As for [`new`](Self::new).
+    pub fn reusing(mut kept: Kept, gpu: &Arc<Gpu>, scene: &'s Scene, options: &Options) -> Result<Self> {
+        let plan = Plan::after(kept.plan.take(), scene, options);
+        let traced = plan.traces().then(|| kept.traced(scene, &plan));
         let classes = traced.as_ref().map(|traced| traced.classes.as_slice());
-        let base = base::faces(scene, &table, &base_textures, classes, single_pass);
-        let pass_options = PassOptions {
-            reconstruction: options.method.reconstruction,
-            passes: plan.passes.clone(),
-            single_pass,
-            equation: options.method.equation,
-            samples: if options.method.msaa == Msaa::Four { 4 } else { 1 },
-            features: plan.features,
-            leaves: plan.traces(),
-            lights: (scene.lights.len() as u32).min(MAX_LIGHTS),
-        };
-        let painter = Painter::new(gpu, pass_options, bank, &table, &base)?;
+        let way = options.method.visibility;
+        let finder = classes.map(|classes| kept.finder(gpu, scene, classes, way)).transpose()?;
+        let painted = kept.painted(gpu, scene, (options, &plan), classes)?;
         let settings = Settings { depth: plan.depth, ..Settings::new(&options.paths, &options.scene) };
+        if let Some(samples) = &mut kept.samples {
+            samples.trace_with(&settings, scene);
+        }
         Ok(Self {
             gpu: gpu.clone(),
             scene,
@@ -146,19 +139,48 @@ impl<'s> Renderer<'s> {
             plan,
             traced,
             finder,
-            table,
-            base_textures,
-            painter,
+            painted,
             settings,
-            bvh_ms,
+            samples: kept.samples.take(),
             finished: (0, Duration::ZERO),
             interrupt: Arc::default(),
-            reserve: Reserve::default(),
+            reserve: kept.reserve,
             step_interval: Duration::ZERO,
+            kept,
+            warming_up: false,
         })
     }
 
-    /// Draws every pipeline once, so that drivers compile before anything is timed. Returns milliseconds.
+    /// Ends this renderer; what of it outlives a change of options or lights is left.
+    pub fn into_kept(self) -> Kept {
+        let Self { plan, traced, finder, painted, samples, reserve, options, kept, .. } = self;
+        let classes = traced.as_ref().map(|traced| traced.classes.clone()).unwrap_or_default();
+        let made_for = (options.method.visibility, classes);
+        Kept {
+            finder: finder.and_then(Finder::outlive).map(|finder| (made_for, finder)),
+            traced: traced.map(Traced::into_parts).or(kept.traced),
+            plan: Some(plan),
+            painted: Some(painted),
+            samples,
+            reserve,
+        }
+    }
+
+    /// Keeps samples from frame to frame, up to about `most_bytes` bytes: vertices that are seen again from the same
+    /// eye point are not traced again, wherever the camera looks. The pictures are the same, to the last bit.
+    pub fn keep_samples(&mut self, most_bytes: usize) {
+        let mut samples = Samples::new(most_bytes);
+        samples.trace_with(&self.settings, self.scene);
+        self.samples = Some(samples);
+    }
+
+    /// What traces rays, if anything is traced.
+    pub fn tracer(&self) -> Option<&Tracer<'s>> {
+        self.traced.as_ref().map(|traced| &traced.tracer)
+    }
+
+    /// Draws once, on one pixel, what a frame of `view` with few samples draws, so that drivers compile before anything
+    /// is timed: they do so for each pipeline and kind of texture that leaves of the scene have. Returns milliseconds.
     ///
     /// A frame with a time budget is rehearsed as a preview and in full: what both take from the last sample to
     /// the image tells what to keep back from the budget.
@@ -170,11 +192,26 @@ impl<'s> Renderer<'s> {
         if let Some(finder) = &mut self.finder {
             finder.warm_up(view)?;
         }
-        self.painter.warm_up(&FrameBlock::new(self.scene, view), self.traced.is_some())?;
+        self.touch(view)?;
         if self.options.effort.budget.is_some() {
             self.rehearse(view)?;
         }
         Ok(ms(started))
+    }
+
+    fn touch(&mut self, view: &View) -> Result<()> {
+        let effort = self.options.effort.clone();
+        let samples = effort.max_samples.map_or(WARM_UP_SAMPLES, |most| most.min(WARM_UP_SAMPLES));
+        self.options.effort = EffortOptions { max_samples: Some(samples), budget: None, ..effort.clone() };
+        let kept = self.samples.take();
+        self.warming_up = true;
+        self.painted.painter.touch_only(true);
+        let touched = self.render(view);
+        self.painted.painter.touch_only(false);
+        self.warming_up = false;
+        self.samples = kept;
+        self.options.effort = effort;
+        touched.map(drop)
     }
 
     fn rehearse(&mut self, view: &View) -> Result<()> {
@@ -194,8 +231,14 @@ impl<'s> Renderer<'s> {
     /// No device memory left; a lost device.
     pub fn find_visible(&mut self, view: &View) -> Result<Option<Found<'_>>> {
         let block = FrameBlock::new(self.scene, view);
-        let Self { finder, painter, .. } = self;
-        finder.as_mut().map(|finder| finder.find(view, || painter.draw_base(&block))).transpose()
+        let Self { finder, painted, .. } = self;
+        finder.as_mut().map(|finder| finder.find(view, || painted.painter.draw_base(&block))).transpose()
+    }
+
+    /// Lets what the last frame took from its last sample to its image say what a time budget keeps back from now on:
+    /// for renderers that are not [`warm_up`](Self::warm_up)ed with a budget.
+    pub fn learn_reserve(&mut self) {
+        self.reserve.learn(self.finished);
     }
 
     /// Lets `flag` end a frame between two refinement steps, with [`Error::Interrupted`].
@@ -210,8 +253,8 @@ impl<'s> Renderer<'s> {
         self.options.effort = effort;
     }
 
-    /// Shows an observer a step only where `interval` has passed since it saw one: drawing a step takes time that
-    /// refinement then lacks. Zero, at first, shows all.
+    /// Shows an observer a step only where `interval` has passed since it saw one, and three times as long as that took
+    /// to draw: it is time that refinement lacks. Zero, at first, shows all.
     pub fn set_step_interval(&mut self, interval: Duration) {
         self.step_interval = interval;
     }
@@ -230,7 +273,14 @@ impl<'s> Renderer<'s> {
     ///
     /// # Errors
     /// No device memory left; a lost device; whatever `after_step` returns.
-    pub fn render_steps(&mut self, view: &View, mut after_step: Option<Observer>) -> Result<Frame> {
+    pub fn render_steps(&mut self, view: &View, after_step: Option<Observer>) -> Result<Frame> {
+        let Undelivered { mean, overlay, stats } = self.draw(view, after_step)?;
+        let image = mean.map_or_else(|| self.painted.painter.read_image(), Ok)?;
+        Ok(Frame { image: overlay.map_or(image.clone(), |overlay| overlay.over(&image)), stats })
+    }
+
+    /// Draws one frame; its image stays with the painter, unless it is a mean of several.
+    fn draw(&mut self, view: &View, mut after_step: Option<Observer>) -> Result<Undelivered> {
         let started = Instant::now();
         let mut stats = self.blank_stats(view);
         let block = FrameBlock::new(self.scene, view);
@@ -238,14 +288,15 @@ impl<'s> Renderer<'s> {
         let (mut refined, mut cost) = (Instant::now(), 0);
         let leaves = match (&self.traced, &mut self.finder) {
             (Some(traced), Some(finder)) => {
+                let Painted { painter, table, base_textures, .. } = &mut self.painted;
                 let matcher = Matcher {
                     scene: self.scene,
                     targets: &self.plan.targets,
-                    table: &self.table,
-                    base_textures: &self.base_textures,
+                    table,
+                    base_textures,
                     room: self.options.method.nodes as usize,
                 };
-                let (painter, plan) = (&mut self.painter, &self.plan);
+                let plan = &self.plan;
                 let found = finder.find(view, || painter.draw_base(&block))?;
                 let mut draw_step =
                     |leaves: &Drawn, refiner: &Refiner, pixel_rays: Rays, after: &mut Option<Observer>| {
@@ -254,7 +305,7 @@ impl<'s> Renderer<'s> {
                         painter.draw(&block, Some(leaves), &plan.passes_for(leaves.components()).0)?;
                         after(&Step {
                             number: refiner.steps,
-                            samples: refiner.samples.traced(),
+                            samples: refiner.samples.sampled(),
                             secondary_rays: refiner.samples.rays.secondary() + pixel_rays.total(),
                             predicted_error: refiner.predicted().0,
                             image: painter.read_image()?,
@@ -263,6 +314,7 @@ impl<'s> Renderer<'s> {
                 let job = Job {
                     topology: &plan.topology,
                     matcher: &matcher,
+                    layout: plan.vertex_layout(),
                     settings: &self.settings,
                     options: &self.options,
                     view,
@@ -270,12 +322,15 @@ impl<'s> Renderer<'s> {
                     reserve: self.reserve,
                     interrupt: &self.interrupt,
                     step_interval: self.step_interval,
+                    most_faces: if self.warming_up { WARM_UP_FACES } else { usize::MAX },
                 };
                 let observed = after_step.is_some();
                 let mut observe = |leaves: &Drawn, refiner: &Refiner, rays: Rays| {
                     draw_step(leaves, refiner, rays, &mut after_step)
                 };
-                let sampled = job.sample(traced, &found, &mut stats, observed.then_some(&mut observe))?;
+                let store = self.samples.as_mut();
+                let sampled =
+                    job.sample(traced, &found, store, &mut stats, observed.then_some(&mut observe))?;
                 (overlay, refined) = (sampled.overlay, sampled.refined);
                 stats.notes.extend(finder.note.clone());
                 cost = sampled.cost;
@@ -283,22 +338,18 @@ impl<'s> Renderer<'s> {
             }
             _ => None,
         };
+        let painter = &mut self.painted.painter;
         let time = Instant::now();
         if let Some(leaves) = &leaves {
-            self.painter.upload(leaves)?;
+            painter.upload(leaves)?;
         }
         stats.time_ms.upload = ms(time);
         let time = Instant::now();
         let (passes, nothing) =
             self.plan.passes_for(leaves.as_ref().map_or(COMPONENT_PRIMARY, Drawn::components));
         stats.left_out.extend(nothing);
-        let (drawings, mean) = supersample::draw(
-            &mut self.painter,
-            &block,
-            leaves.as_ref(),
-            &passes,
-            self.options.method.ss.samples(),
-        )?;
+        let shaded = if self.warming_up { 1 } else { self.options.method.ss.samples() };
+        let (drawings, mean) = supersample::draw(painter, &block, leaves.as_ref(), &passes, shaded)?;
         stats.time_ms.draw = ms(time);
         stats.time_ms.frame = ms(started);
         stats.passes = drawings
@@ -310,8 +361,7 @@ impl<'s> Renderer<'s> {
             })
             .collect();
         self.finished = (cost, refined.elapsed());
-        let image = mean.map_or_else(|| self.painter.read_image(), Ok)?;
-        Ok(Frame { image: overlay.map_or(image.clone(), |overlay| overlay.over(&image)), stats })
+        Ok(Undelivered { mean, overlay, stats })
     }
 
     fn blank_stats(&self, view: &View) -> Stats {
@@ -320,9 +370,12 @@ impl<'s> Renderer<'s> {
         Stats {
             scene: stats::SceneStats::of(scene),
             image: stats::ImageStats { width: view.width, height: view.height, vt_pixels: 0 },
-            time_ms: stats::Times { bvh: self.bvh_ms, ..stats::Times::default() },
+            time_ms: stats::Times {
+                bvh: self.traced.as_ref().map_or(0.0, |traced| traced.bvh_ms),
+                ..stats::Times::default()
+            },
             left_out: self.plan.left_out.clone(),
-            notes: scene.notes.iter().chain(&self.painter.bank().notes).cloned().collect(),
+            notes: scene.notes.iter().chain(&self.painted.painter.bank().notes).cloned().collect(),
             options: Some(stats::UsedOptions::Render(Box::new(self.options.clone()))),
             device: stats::Device { name: Some(info.name.clone()), driver: Some(info.driver.clone()) },
             ..Stats::default()
@@ -334,6 +387,7 @@ impl<'s> Renderer<'s> {
 struct Job<'a> {
     topology: &'a Topology,
     matcher: &'a Matcher<'a>,
+    layout: VertexLayout,
     settings: &'a Settings,
     options: &'a Options,
     view: &'a View,
@@ -342,6 +396,8 @@ struct Job<'a> {
     reserve: Reserve,
     interrupt: &'a AtomicBool,
     step_interval: Duration,
+    /// Visible faces that are sampled at most, of all parts of the scene.
+    most_faces: usize,
 }
 
 /// What sampling a frame gives.
@@ -364,12 +420,13 @@ impl Job<'_> {
         &self,
         traced: &Traced,
         visible: &Found,
+        store: Option<&mut Samples>,
         stats: &mut Stats,
         mut after_step: Option<LeafObserver>,
     ) -> Result<Sampled> {
         let Self { matcher, topology, settings, options, view, .. } = *self;
         let scene = matcher.scene;
-        let Traced { tracer, structures, adjacency, classes } = traced;
+        let Traced { tracer, structures, adjacency, classes, .. } = traced;
         let targets = matcher.targets;
         stats.time_ms.visibility = visible.times.visibility;
         stats.time_ms.readback = visible.times.readback;
@@ -385,21 +442,31 @@ impl Job<'_> {
         let predictor =
             Predictor { targets, structures, scene, view, reconstruction: options.method.reconstruction };
         let seeds = adjacency.one_ring(scene, topology, classes, view, visible.visible);
+        let some = seeds.len().div_ceil(self.most_faces).max(1);
+        let seeds: Vec<_> = seeds.into_iter().step_by(some).collect();
         let mesh = Mesh::new(scene, topology, view, &seeds);
-        let mut refiner = Refiner::new(&context, &predictor, mesh, shown);
+        let (vertices, mut traced_before) =
+            store.map(|Samples { vertices, pixels, .. }| (vertices, pixels)).unzip();
+        let mut refiner = Refiner::new(&context, &predictor, mesh, shown, vertices);
         refiner.reserve = self.reserve;
-        let mut seen: Option<Instant> = None;
+        // When a step was seen, and how long it took to show.
+        let mut seen: Option<(Instant, Duration)> = None;
         let mut observe = |refiner: &Refiner| {
             if self.interrupt.load(Ordering::Relaxed) {
                 return Err(Error::Interrupted);
             }
             let Some(after_step) = &mut after_step else { return Ok(()) };
-            if seen.is_some_and(|seen| seen.elapsed() < self.step_interval) {
+            let too_soon =
+                |(at, took): (Instant, Duration)| at.elapsed() < self.step_interval.max(took * PAUSE);
+            if !self.step_interval.is_zero() && seen.is_some_and(too_soon) {
                 return Ok(());
             }
-            let (pixels, rays) = pixels::trace(&context, &refiner.mesh, shown, &refiner.pixel_faces);
+            let started = Instant::now();
+            let Refiner { mesh, pixel_faces, .. } = refiner;
+            let (pixels, rays) =
+                pixels::trace(&context, mesh, shown, pixel_faces, traced_before.as_deref_mut());
             after_step(&self.assemble(refiner, &pixels), refiner, rays)?;
-            seen = Some(Instant::now());
+            seen = Some((Instant::now(), started.elapsed()));
             Ok(())
         };
         observe(&refiner)?;
@@ -409,7 +476,9 @@ impl Job<'_> {
         let refined = ms(time);
 
         let time = Instant::now();
-        let (traced_pixels, pixel_rays) = pixels::trace(&context, &refiner.mesh, shown, &refiner.pixel_faces);
+        let Refiner { mesh, pixel_faces, .. } = &refiner;
+        let (traced_pixels, pixel_rays) =
+            pixels::trace(&context, mesh, shown, pixel_faces, traced_before.as_deref_mut());
         let pixels_ms = ms(time);
         stats.time_ms.trace = refiner.samples.time.as_secs_f64() * 1e3 + pixels_ms;
 
@@ -417,7 +486,8 @@ impl Job<'_> {
         let leaves = self.assemble(&refiner, &traced_pixels);
         stats.time_ms.refine = refined - refiner.samples.time.as_secs_f64() * 1e3 + ms(time);
 
-        stats.samples = refiner.samples.traced();
+        stats.samples = refiner.samples.sampled();
+        stats.reused = refiner.samples.reused;
         stats.rays = ray_stats(refiner.samples.rays, pixel_rays);
         stats.steps = u64::from(refiner.steps);
         stats.stopped_by = Some(match stopped_by {
@@ -443,6 +513,7 @@ impl Job<'_> {
                     mesh: &refiner.mesh,
                     samples: &refiner.samples,
                     face_at: &|x, y| pixels::face_at(&context, shown, classes, x, y),
+                    displacement: &|leaf| refiner.displacement(leaf),
                     kind: &|leaf| self.kind(&refiner, leaf, traced.contains(&leaf)),
                 },
             )
@@ -455,10 +526,11 @@ impl Job<'_> {
         let Matcher { scene, targets, base_textures, .. } = self.matcher;
         match self.options.method.reconstruction {
             Reconstruction::Exact => {
-                Drawn::Exact(leaves::assemble(self.matcher, self.view, mesh, samples, traced, pixel_faces))
+                let Self { matcher, layout, view, .. } = *self;
+                Drawn::Exact(leaves::assemble(matcher, layout, view, mesh, samples, traced, pixel_faces))
             }
             Reconstruction::Paper => {
-                Drawn::Paper(paper::assemble(scene, targets, base_textures, mesh, samples))
+                Drawn::Paper(paper::assemble(scene, targets, base_textures, self.view, mesh, samples))
             }
         }
     }

@@ -1,18 +1,22 @@
 //! The program as a user meets it: exit codes, one clear line on stderr, and no file left behind.
 
+#[path = "../examples/check_models/watch.rs"]
+mod watch;
+
 use std::{
     fs,
     io::Read,
     path::{Path, PathBuf},
     process::{Command, Output, Stdio},
     thread,
-    time::Duration,
+    time::{Duration, Instant},
 };
 
 use vertex_tracing::{
     report::{FloatImage, output::write_image},
     scene::demo::Demo,
 };
+use watch::watched;
 
 fn vtrace() -> Command {
     let mut command = Command::new(env!("CARGO_BIN_EXE_vtrace"));
@@ -275,29 +279,100 @@ fn a_closed_pipe_is_no_error_and_a_full_disk_is() {
     }
 }
 
+/// Interrupts `vtrace` with `arguments` once it has run for `after`; it must end soon, in one line, and leave no file.
 #[cfg(unix)]
-#[test]
-fn an_interrupt_ends_long_work_cleanly() {
-    let place = Place::new();
+fn interrupted(place: &Place, arguments: &[&str], after: Duration) {
     let before = place.names();
-    let mut child = vtrace()
-        .current_dir(place.0.path())
-        .args(["reference", "scene.glb", "-o", "out.png", "--spp", "256", "--size", "4096x4096"])
-        .stderr(Stdio::piped())
-        .spawn()
-        .unwrap();
-    thread::sleep(Duration::from_secs(2));
-    assert!(child.try_wait().unwrap().is_none(), "this takes half an hour and more");
+    let mut child =
+        vtrace().current_dir(place.0.path()).args(arguments).stderr(Stdio::piped()).spawn().unwrap();
+    thread::sleep(after);
+    assert!(child.try_wait().unwrap().is_none(), "{arguments:?} take minutes");
     // The shell's own `kill`: a bare system has no program of that name.
     let kill = Command::new("sh").args(["-c", &format!("kill -INT {}", child.id())]).status();
     if !kill.is_ok_and(|status| status.success()) {
         child.kill().unwrap();
         panic!("no way to interrupt a process");
     }
+    let asked = Instant::now();
+    while child.try_wait().unwrap().is_none() {
+        if asked.elapsed() > Duration::from_secs(10) {
+            child.kill().unwrap();
+            panic!("{arguments:?} run on after an interrupt");
+        }
+        thread::sleep(Duration::from_millis(10));
+    }
     let status = child.wait().unwrap();
     let mut stderr = String::new();
     child.stderr.take().unwrap().read_to_string(&mut stderr).unwrap();
-    assert_eq!(status.code(), Some(130), "{stderr}");
-    assert!(stderr.ends_with("error: interrupted\n"), "{stderr}");
-    assert_eq!(place.names(), before);
+    assert_eq!(status.code(), Some(130), "{arguments:?}: {stderr}");
+    let told: Vec<&str> = stderr.lines().filter(|line| !line.starts_with("note: ")).collect();
+    assert_eq!(told, ["error: interrupted"], "{arguments:?}");
+    assert_eq!(place.names(), before, "{arguments:?}");
+}
+
+#[cfg(unix)]
+#[test]
+fn an_interrupt_ends_long_work_cleanly() {
+    let place = Place::new();
+    let second = Duration::from_secs(1);
+    interrupted(
+        &place,
+        &["reference", "scene.glb", "-o", "out.png", "--spp", "256", "--size", "4096x4096"],
+        2 * second,
+    );
+    // Sixteen pixels square, which one thread does not leave for minutes.
+    let one_tile = ["reference", "scene.glb", "-o", "out.png", "--spp", "65536", "--size", "16x16"];
+    interrupted(&place, &one_tile, second);
+    let large = ["render", "scene.glb", "-o", "out.png", "--size", "2048x2048", "--ss", "16", "--error", "0"];
+    interrupted(&place, &large, 2 * second);
+    // What comes before there is anything to stop: a JSON of millions of values.
+    let mut json = br#"{"asset":{"version":"2.0"},"extras":[0"#.to_vec();
+    json.extend(b",0".repeat(10_000_000));
+    json.extend(b"]}");
+    fs::write(place.path("large.gltf"), json).unwrap();
+    interrupted(&place, &["render", "large.gltf", "-o", "out.png"], second / 10);
+}
+
+#[test]
+fn hostile_files_take_little_time_and_memory() {
+    let place = Place::new();
+    let before = place.names();
+    let glb = |json: &[u8]| [&b"glTF"[..], &[2, 0, 0, 0], &u32::MAX.to_le_bytes(), json].concat();
+    let nodes = |count: usize| {
+        let mesh = r#"{"mesh":0},"#.repeat(count);
+        let listed: Vec<String> = (0..count).map(|node| node.to_string()).collect();
+        format!(
+            r#"{{"asset":{{"version":"2.0"}},"scenes":[{{"nodes":[{}]}}],"nodes":[{}],"meshes":[{{"primitives":[
+            {{"attributes":{{"POSITION":0}}}}]}}],"accessors":[{{"componentType":5126,"type":"VEC3","count":3000000}}]}}"#,
+            listed.join(","),
+            mesh.trim_end_matches(',')
+        )
+    };
+    let shared: String =
+        (1..200_000).map(|node| format!(r#"{{"children":[{node},{node}]}},"#)).collect::<String>() + "{}";
+    let files: [(&str, Vec<u8>); 6] = [
+        ("deep", b"[".repeat(50_000_000)),
+        ("swelling", [&b"["[..], &b"{},".repeat(20_000_000), b"{}]"].concat()),
+        ("long", [&br#"{"extras":[0"#[..], &b",0".repeat(10_000_000), b"]}"].concat()),
+        ("length", glb(b"{}")),
+        ("instances", nodes(100_000).into_bytes()),
+        ("shared", format!(r#"{{"asset":{{"version":"2.0"}},"nodes":[{shared}]}}"#).into_bytes()),
+    ];
+    for (name, bytes) in files {
+        let file = place.path(&format!("{name}.gltf"));
+        fs::write(&file, bytes).unwrap();
+        let mut command = vtrace();
+        command.current_dir(place.0.path()).args(["render", "-o", "out.png"]).arg(&file);
+        let watched = watched(&mut command).unwrap_or_else(|problem| panic!("{name}: {problem}"));
+        println!("{name}: {watched:?}");
+        assert_eq!(watched.code, Some(1), "{name}: {}", watched.stderr);
+        let errors = watched.stderr.lines().filter(|line| line.starts_with("error: "));
+        assert_eq!(errors.count(), 1, "{name}: {}", watched.stderr);
+        assert!(
+            watched.seconds > 0.0 && (watched.bytes > 0 || !cfg!(target_os = "linux")),
+            "{name}: was watched"
+        );
+        fs::remove_file(&file).unwrap();
+        assert_eq!(place.names(), before, "{name}: a file was left behind");
+    }
 }

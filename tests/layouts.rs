@@ -6,11 +6,13 @@ use std::{
 };
 
 use vertex_tracing::{
+    constants::FEATURE_EVERYTHING,
     gpu::Binding,
     reconstruct::{
         frame_block::{FrameBlock, LightBlock},
-        leaves::{GpuLeaf, GpuVertex},
+        leaves::GpuLeaf,
         paper::{PaperLeaf, PaperVertex},
+        vertex::VertexLayout,
     },
     spirv,
     visibility::{
@@ -28,6 +30,9 @@ struct Module {
     strides: HashMap<u32, u32>,
     /// Set and binding of each variable.
     places: HashMap<u32, [Option<u32>; 2]>,
+    /// Number of each specialization constant, and its value where none is given.
+    constant_ids: HashMap<u32, u32>,
+    constant_values: HashMap<u32, u32>,
     /// What pointers point to, and arrays consist of.
     inner: HashMap<u32, u32>,
     /// Type of the first member of each struct.
@@ -49,6 +54,8 @@ impl Module {
             match (opcode, args) {
                 (5, [id, name @ ..]) => drop(module.names.insert(*id, text(name))),
                 (6, [id, member, name @ ..]) => drop(module.member_names.insert((*id, *member), text(name))),
+                (50, [_, id, value, ..]) => drop(module.constant_values.insert(*id, *value)),
+                (71, [id, 1, number]) => drop(module.constant_ids.insert(*id, *number)),
                 (71, [id, 6, stride]) => drop(module.strides.insert(*id, *stride)),
                 (71, [id, 34, set]) => module.places.entry(*id).or_default()[0] = Some(*set),
                 (71, [id, 33, binding]) => module.places.entry(*id).or_default()[1] = Some(*binding),
@@ -85,6 +92,12 @@ impl Module {
             Some((name.as_str(), *self.strides.get(self.first_members.get(block)?)? as usize))
         };
         blocks.filter_map(stride).collect()
+    }
+
+    /// Value of each specialization constant of a number where none is given, by its number.
+    fn constants(&self) -> BTreeMap<u32, u32> {
+        let value = |(id, number): (&u32, &u32)| Some((*number, *self.constant_values.get(id)?));
+        self.constant_ids.iter().filter_map(value).collect()
     }
 
     /// Set and binding of every named resource: a block goes by its first member.
@@ -154,10 +167,9 @@ macro_rules! layout {
 #[test]
 fn frame_and_leaves() {
     let vertex = Module::read(spirv!("leaf.vert"));
-    assert_eq!(vertex.offsets("Vertex"), layout!(GpuVertex { position, normal, uv, color, tangent }));
     let leaf = layout!(GpuLeaf { vertices, material, lit, nodes, flags, first_target, first_lit });
     assert_eq!(vertex.offsets("Leaf"), leaf);
-    let strides = BTreeMap::from([("vertices", size_of::<GpuVertex>()), ("leaves", size_of::<GpuLeaf>())]);
+    let strides = BTreeMap::from([("vertices", size_of::<u32>()), ("leaves", size_of::<GpuLeaf>())]);
     assert_eq!(vertex.strides(), strides);
     let frame = layout!(FrameBlock {
         clip_from_eye_relative,
@@ -192,6 +204,15 @@ fn frame_and_leaves() {
     });
     assert_eq!(vertex.offsets("PaperVertex"), own);
     assert_eq!(vertex.offsets("PaperLeaf"), layout!(PaperLeaf { vertices, textures, cutoff }));
+}
+
+#[test]
+fn vertices_of_leaves() {
+    // Without constants the shader reads every attribute, where the layout of all of them has it.
+    let found = Module::read(spirv!("leaf.vert")).constants();
+    for (number, value) in VertexLayout::of(FEATURE_EVERYTHING).constants() {
+        assert_eq!(found.get(&number), Some(&value), "constant {number}");
+    }
 }
 
 #[test]

@@ -59,7 +59,7 @@ fn corners_match_in_any_order() {
             (0..scene.geometry.faces.len() as u32).filter(|&face| scene.is_vt(face)).collect();
         let mesh = Mesh::new(&scene, &plan.topology, &view, &specular);
         let mut samples = Samples::default();
-        samples.extend(&context, &mesh, |_| true);
+        samples.extend(&context, &mesh, None, |_| true);
         let corner = |vertex: usize| {
             let vertex = (vertex % samples.len()) as u32;
             let distance = view.distance_to(mesh.position(vertex));

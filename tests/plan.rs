@@ -7,16 +7,18 @@ mod measure;
 mod rungs;
 
 use common::TestGpu;
-use glam::{Vec3, vec3};
+use glam::{Vec3, vec3, vec4};
 use measure::{Counts, Taken, plain, take, take_scene};
 use rungs::Rung;
 use vertex_tracing::{
+    constants::{COMPONENT_PRIMARY, COMPONENT_REFLECTED},
     gpu::census::Kind,
     options::{Mode, Options},
     plan::{Plan, Summary},
+    reconstruct::passes::list_bytes,
     report::metrics::{Encoding, compare},
     scene::{
-        Camera, Sampler, Scene,
+        Camera, Sampler, Scene, Unread,
         demo::{SceneBuilder, chrome, matte, shape, texture},
     },
 };
@@ -156,6 +158,115 @@ fn a_mirror_alone_needs_one_bounce_and_two_face_each_other() {
     gpu.finish();
 }
 
+/// A mirror with its lower left corner at `corner`, seen from the front alone.
+fn mirror(scene: &mut SceneBuilder, corner: Vec3, right: Vec3, up: Vec3) {
+    let metal = scene.material(chrome("other metal", Vec3::splat(0.8)));
+    scene.mesh("other mirror", shape::plane(corner, right, up, 1.0), metal);
+}
+
+#[test]
+fn mirrors_that_cannot_see_each_other_need_one_bounce() {
+    // Beside the first, which faces +z from z = -1: what turns away from it, at an angle, back to back, and in its plane.
+    let apart: [(&str, [Vec3; 3]); 3] = [
+        ("turned away", [vec3(1.2, 0.0, -1.0), vec3(1.0, 0.0, -0.6), Vec3::Y]),
+        ("back to back", [vec3(1.0, 0.0, -1.2), vec3(-2.0, 0.0, 0.0), Vec3::Y]),
+        ("in one plane", [vec3(1.0, 0.0, -1.0), vec3(1.0, 0.0, 0.0), Vec3::Y]),
+    ];
+    for (name, [corner, right, up]) in apart {
+        let scene = scene_with(|scene| mirror(scene, corner, right, up));
+        assert_eq!(Plan::new(&scene, &options()).depth, 1, "{name}");
+        let gpu = TestGpu::open();
+        let everything = Options { everything: true, ..options() };
+        let [planned, all] = [options(), everything].map(|options| gpu.render(&scene, &options));
+        gpu.finish();
+        assert_eq!(planned.stats.rays, all.stats.rays, "{name}");
+        assert_eq!(planned.image.pixels, all.image.pixels, "{name}");
+    }
+    // In front of it; behind it, but seen from behind as well; with a common edge; and what is not flat.
+    let glance = [vec3(1.2, 0.0, 0.0), vec3(0.5, 0.0, 0.5), Vec3::Y];
+    let behind = apart[1].1;
+    let edge = [vec3(1.0, 0.0, -1.0), vec3(1.0, 0.0, -0.6), Vec3::Y * 2.0];
+    let depth = |scene: &Scene| Plan::new(scene, &options()).depth;
+    for [corner, right, up] in [glance, edge] {
+        let scene = scene_with(|scene| mirror(scene, corner, right, up));
+        assert_eq!(depth(&scene), options().paths.depth, "{corner}");
+    }
+    let mut seen_from_behind = scene_with(|scene| mirror(scene, behind[0], behind[1], behind[2]));
+    seen_from_behind.materials.iter_mut().for_each(|material| material.double_sided = true);
+    assert_eq!(depth(&seen_from_behind), options().paths.depth);
+    let round = scene_with(|scene| {
+        let metal = scene.material(chrome("ball metal", Vec3::splat(0.8)));
+        scene.mesh("ball", shape::sphere(vec3(0.0, 0.5, -2.0), 0.4, 1), metal);
+    });
+    assert_eq!(depth(&round), options().paths.depth);
+}
+
+#[test]
+fn without_lights_no_shadow_ray_is_in_the_plan() {
+    let dark = |ambient: f32| {
+        let mut scene = scene_with(|_| {});
+        scene.lights.clear();
+        scene.ambient = ambient;
+        scene
+    };
+    let plan = Plan::new(&dark(0.0), &options());
+    let why = |what: &str| plan.left_out.iter().find(|part| part.what == what).map(|part| part.why.as_str());
+    assert_eq!(why("shadow rays"), Some("the scene has no light"));
+    assert!(why("samples of diffuse objects").is_some() && !plan.receivers);
+    let gpu = TestGpu::open();
+    assert_eq!(gpu.render(&dark(0.0), &options()).stats.rays.shadow, 0);
+    gpu.finish();
+    // A file without lights is lit from the camera: that is a light.
+    let mut lit = dark(0.3);
+    let view = options().view.resolve(&lit).unwrap();
+    lit.add_default_lights(&view);
+    let plan = Plan::new(&lit, &options());
+    assert!(plan.used.iter().any(|part| part.contains("light from the camera")), "{:?}", plan.used);
+    assert!(plan.used.iter().any(|part| part == "shadow rays"));
+}
+
+#[test]
+fn what_a_file_holds_besides_is_named_with_its_bytes() {
+    let mut scene = scene_with(|_| {});
+    let rest =
+        Unread { what: "meshes", count: 2, of: 5, bytes: 1234, why: "no node of the scene shows them" };
+    scene.unread.push(rest);
+    for everything in [false, true] {
+        let plan = Plan::new(&scene, &Options { everything, ..options() });
+        assert!(left_out(&plan, "2 of 5 meshes of the file, 1234 bytes"));
+    }
+}
+
+#[test]
+fn passes_whose_colours_are_zero_are_left_out_of_the_frame() {
+    let scene = scene_with(|_| {});
+    let mut options = options();
+    options.method.mode = Mode::MultiPass;
+    let plan = Plan::new(&scene, &options);
+    let (drawn, dropped) = plan.passes_for(COMPONENT_PRIMARY | COMPONENT_REFLECTED);
+    assert_eq!(drawn.iter().map(|pass| pass.name).collect::<Vec<_>>(), ["primary", "reflected"]);
+    assert_eq!(
+        dropped.iter().map(|part| part.what.as_str()).collect::<Vec<_>>(),
+        ["reflected combined pass"]
+    );
+    let everything = Plan::new(&scene, &Options { everything: true, ..options });
+    assert!(everything.passes_for(0).1.is_empty());
+}
+
+#[test]
+fn candidate_patches_need_something_flat_to_be_seen() {
+    let flat = scene_with(|_| {});
+    assert!(!left_out(&Plan::new(&flat, &options()), "candidate patches"));
+    let mut round = SceneBuilder::new("round");
+    let metal = round.material(chrome("metal", Vec3::splat(0.8)));
+    let grey = round.material(matte("grey"));
+    round.mesh("mirror", shape::sphere(Vec3::ZERO, 0.5, 2), metal);
+    round.mesh("ball", shape::sphere(vec3(1.2, 0.0, 0.0), 0.4, 3), grey);
+    round.camera(Camera::look_at(vec3(0.5, 1.0, 3.0), Vec3::ZERO, 0.8));
+    let round = round.build().unwrap();
+    assert!(left_out(&Plan::new(&round, &options()), "candidate patches"));
+}
+
 #[test]
 fn textures_that_nothing_shows_are_not_uploaded() {
     let unused = scene_with(|scene| {
@@ -197,6 +308,63 @@ fn mips_exist_where_a_sampler_asks_for_them() {
     }
 }
 
+/// Words of a vertex under the plan of `scene`, as `Kind::Buffer` counts its faces drawn without samples.
+fn vertex_words(scene: &Scene, options: &Options) -> u32 {
+    let layout = Plan::new(scene, options).vertex_layout();
+    let gpu = TestGpu::open();
+    let planned = take_scene(&gpu, scene, options, 1).unwrap();
+    gpu.finish();
+    let bytes = planned.census.named(Kind::Buffer, "base vertices").bytes;
+    assert_eq!(bytes, list_bytes(scene.geometry.positions.len() as u64 * layout.bytes()));
+    layout.words
+}
+
+#[test]
+fn vertices_have_the_attributes_that_are_needed() {
+    let [position, normal, uv] = [3, 3, 2];
+    let words = |rung: Rung| vertex_words(&rung.scene().unwrap(), &rung.options(SIZE));
+    assert_eq!(words(Rung::Flat), position);
+    assert_eq!(words(Rung::Texture), position + uv);
+    assert_eq!(words(Rung::Lights), position + normal);
+    let everything = Options { everything: true, ..options() };
+    assert_eq!(Plan::new(&Rung::Flat.scene().unwrap(), &everything).vertex_layout().words, 14);
+
+    // A picture of each choice against that with all attributes.
+    let mut choices: Vec<Scene> = vec![Rung::Texture.scene().unwrap()];
+    let changed = |change: &dyn Fn(&mut Scene)| {
+        let mut scene = Rung::MirrorAndTextures.scene().unwrap();
+        change(&mut scene);
+        scene
+    };
+    choices.push(changed(&|scene| {
+        scene.geometry.uvs.swap(0, 1);
+        for material in &mut scene.materials {
+            material.base_color_texture.iter_mut().for_each(|slot| slot.uv_set = 1);
+        }
+    }));
+    choices.push(changed(&|scene| {
+        let shade = |v: usize| vec4(1.0, (v % 3) as f32 / 2.0, 0.5, 1.0);
+        scene.geometry.colors = (0..scene.geometry.positions.len()).map(shade).collect();
+    }));
+    choices.push(changed(&|scene| {
+        scene.geometry.tangents = vec![vec4(1.0, 0.0, 0.0, 1.0); scene.geometry.positions.len()];
+        let bumps = scene.materials.iter().find_map(|material| material.base_color_texture);
+        scene.materials.iter_mut().for_each(|material| material.normal_texture = bumps);
+    }));
+    let mut layouts = Vec::new();
+    for scene in &choices {
+        let gpu = TestGpu::open();
+        let [planned, all] =
+            [false, true].map(|everything| gpu.render(scene, &Options { everything, ..options() }).image);
+        gpu.finish();
+        let compared = compare(&all, &planned, None, Encoding::Srgb).unwrap();
+        assert!(compared.max < 0.02 && compared.rmse < 1e-3, "{compared:?}");
+        layouts.push(Plan::new(scene, &options()).vertex_layout());
+    }
+    assert!(layouts[1].uv[0] == 0 && layouts[1].uv[1] != 0);
+    assert!(layouts[2].color != 0 && layouts[2].tangent == 0 && layouts[3].tangent != 0);
+}
+
 #[test]
 fn passes_of_branches_that_no_object_has_are_left_out() {
     for (rung, absent) in [(Rung::Mirror, &["transmitted", "transmitted combined"][..]), (Rung::Glass, &[])] {
@@ -217,12 +385,14 @@ fn passes_of_branches_that_no_object_has_are_left_out() {
 fn the_last_rung_leaves_nothing_of_the_scene_out() {
     let plan = Plan::new(&Rung::All.scene().unwrap(), &options());
     let expected = [
+        "light from the camera, ambient light",
         "metalness and roughness texture",
-        "normal map",
+        "normal map, tangents of vertices",
         "highlight strength texture",
         "highlight colour texture",
         "transmission texture",
-        "vertex colours",
+        "second texture coordinates of vertices",
+        "colours of vertices",
         "directional lights",
         "spot lights",
         "ranges of lights",
@@ -232,5 +402,6 @@ fn the_last_rung_leaves_nothing_of_the_scene_out() {
     assert_eq!(plan.left_out.iter().map(|left_out| left_out.what.as_str()).collect::<Vec<_>>(), expected);
     let everything = Plan::new(&Rung::Flat.scene().unwrap(), &Options { everything: true, ..options() });
     let left: Vec<&str> = everything.left_out.iter().map(|left_out| left_out.what.as_str()).collect();
-    assert_eq!(left, ["multisampling", "supersampling"], "what options switch off alone");
+    let off = ["light from the camera, ambient light", "multisampling", "supersampling"];
+    assert_eq!(left, off, "what scene and options switch off, whatever is asked for");
 }

@@ -103,7 +103,7 @@ fn refined(threads: usize) -> (Vec<glam::Vec3>, Vec<[u32; 3]>, u64) {
         };
         let mesh = Mesh::new(&scene, &topology, &view, &seeds(&ids));
         let image = IdImage { width: view.width, height: view.height, pixels: &ids };
-        let mut refiner = Refiner::new(&context, &predictor, mesh, Shown::Image(image));
+        let mut refiner = Refiner::new(&context, &predictor, mesh, Shown::Image(image), None);
         let effort = EffortOptions { max_samples: Some(4000), ..EffortOptions::default() };
         refiner.run(&effort, std::time::Instant::now(), |_| Ok::<_, ()>(())).unwrap();
         let mesh = &refiner.mesh;

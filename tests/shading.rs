@@ -32,6 +32,7 @@ fn empty() -> Scene {
         cameras: Vec::new(),
         background: Background::Color(Vec3::ZERO),
         ambient: 0.0,
+        unread: Vec::new(),
         notes: Vec::new(),
     }
 }

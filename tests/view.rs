@@ -172,6 +172,10 @@ fn without_a_display_or_a_device_one_line_says_so() {
     fails(display.vtrace().env_remove("DISPLAY"), "take `vtrace render`");
     fails(display.vtrace().env("DISPLAY", ":98765"), "no display to open a window on");
     fails(display.vtrace().env("VK_LOADER_DRIVERS_SELECT", "none"), "apt-get install mesa-vulkan-drivers");
+    // A file that is no library hides the one behind it.
+    fs::create_dir(display.path("hidden")).unwrap();
+    fs::write(display.path("hidden/libxkbcommon-x11.so.0"), "").unwrap();
+    fails(display.vtrace().env("LD_LIBRARY_PATH", display.path("hidden")), "libxkbcommon-x11-0");
     let output = display.vtrace().args(["view", "none.glb"]).output().unwrap();
     assert_eq!(output.status.code(), Some(1));
     assert!(text(&output.stderr).contains("none.glb"), "{}", text(&output.stderr));
@@ -321,6 +325,51 @@ fn the_reference_stands_beside_the_picture() {
     }
 }
 
+/// The parts of a .glb file, its binary chunk in a file called `bin`.
+fn apart(glb: &[u8], bin: &str) -> (serde_json::Value, Vec<u8>) {
+    let length = |at: usize| u32::from_le_bytes(glb[at..at + 4].try_into().unwrap()) as usize;
+    let json_end = 20 + length(12);
+    let mut json: serde_json::Value = serde_json::from_slice(&glb[20..json_end]).unwrap();
+    json["buffers"][0]["uri"] = bin.into();
+    (json, glb[json_end + 8..json_end + 8 + length(json_end)].to_vec())
+}
+
+#[test]
+fn a_buffer_beside_the_scene_is_watched() {
+    let display = Display::open();
+    let (json, mut bin) = apart(&Demo::Mirror.glb(), "live.bin");
+    fs::write(display.path("live.gltf"), json.to_string()).unwrap();
+    fs::write(display.path("live.bin"), &bin).unwrap();
+    let script = "key o\nwait-full\nscreenshot first.png\nsleep 60000";
+    let running = display.start(&["live.gltf", "--size", "120x90"], script);
+    wait_for_file(&display.path("first.png"));
+    // The first mesh moves up.
+    let accessor = json["meshes"][0]["primitives"][0]["attributes"]["POSITION"].as_u64().unwrap() as usize;
+    let accessor = &json["accessors"][accessor];
+    let view = &json["bufferViews"][accessor["bufferView"].as_u64().unwrap() as usize];
+    let offset = |value: &serde_json::Value| value["byteOffset"].as_u64().unwrap_or(0) as usize;
+    let start = offset(view) + offset(accessor);
+    for vertex in 0..accessor["count"].as_u64().unwrap() as usize {
+        let y = &mut bin[start + vertex * 12 + 4..][..4];
+        let moved = f32::from_le_bytes(y.try_into().unwrap()) + 0.3;
+        y.copy_from_slice(&moved.to_le_bytes());
+    }
+    fs::write(display.path("live.bin"), &bin).unwrap();
+    let first = display.image("first.png");
+    wait_for("the moved mesh", || {
+        let screen = display.screen();
+        FloatImage::from_fn(120, 90, |x, y| screen.pixels[(y * screen.width + x) as usize]) != first
+    });
+    drop(running);
+    // Coarse while it moves, and whole when it rests.
+    let script = "key o\nwait-full\norbit 30 10\nwait-frame\nscreenshot coarse.png\nwait-full\n\
+                  screenshot fine.png\nkey c";
+    let line = display.view(&["live.gltf", "--size", "120x90", "--coarse", "4"], script);
+    display.run(line.trim());
+    assert_eq!(display.image("fine.png"), display.image("picture.png"));
+    assert_ne!(display.image("fine.png"), display.image("coarse.png"));
+}
+
 #[test]
 fn files_are_dropped_and_read_again() {
     let display = Display::open();
@@ -328,6 +377,14 @@ fn files_are_dropped_and_read_again() {
     fs::write(display.path("live.glb"), Demo::Mirror.glb()).unwrap();
     let script = "key o\nwait-full\nscreenshot first.png\ndrop broken.glb\nwait-frame\ndrop mirror.glb\nwait-full\n\
                   screenshot dropped.png\ndrop live.glb\nwait-full\nscreenshot live.png\nsleep 60000";
+    let after = "key o\nwait-frame\norbit 9 4\ndrop broken.glb\nwait-frame\norbit 9 4\nwait-full\nscreenshot on.png\nkey c\nquit";
+    let output = display.start(&["cup.glb", "--size", "120x90"], after).finish();
+    let (stdout, stderr) = (text(&output.stdout), text(&output.stderr));
+    assert!(stderr.lines().all(|line| line.contains("broken.glb")) && !stderr.is_empty(), "{stderr}");
+    assert!(stdout.starts_with("vtrace render cup.glb "), "what is shown goes on being shown: {stdout}");
+    display.run(stdout.trim());
+    assert_eq!(display.image("on.png"), display.image("picture.png"));
+
     let running = display.start(&["cup.glb", "--size", "120x90"], script);
     wait_for_file(&display.path("live.png"));
     assert_eq!(display.image("dropped.png"), display.image("live.png"));

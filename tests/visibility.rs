@@ -56,6 +56,7 @@ fn scene(objects: &[(Material, bool, Vec<[Vec3; 3]>)]) -> Scene {
         cameras: Vec::new(),
         background: Background::default(),
         ambient: 0.0,
+        unread: Vec::new(),
         notes: Vec::new(),
     }
 }

@@ -20,6 +20,7 @@ use vertex_tracing::{
         frame_block::FrameBlock,
         passes::{Painter, PassOptions, color_passes},
         table::SceneTable,
+        vertex::VertexLayout,
     },
     report::FloatImage,
     scene::Scene,
@@ -141,9 +142,9 @@ fn painter(gpu: &Arc<Gpu>, scene: &Scene, options: &Options) -> Result<Painter> 
     let bank = Bank::new(&mut uploads, scene, &wanted, filter)?;
     let table = SceneTable::new(scene, &Default::default(), &bank, false);
     let textures: Vec<u32> = scene.materials.iter().map(|m| bank.reference(m.base_color_texture)).collect();
-    let base = base::faces(scene, &table, &textures, None, false);
     // The plan's, so that both run the same shader.
     let features = Plan::new(scene, options).features;
+    let base = base::faces(scene, &table, VertexLayout::of(features), &textures, None, false);
     let pass_options = PassOptions {
         reconstruction: options.method.reconstruction,
         passes: color_passes(options.method.mode, options.method.equation).to_vec(),

@@ -70,7 +70,7 @@ fuzz_target!(|bytes: &[u8]| {
     seeds.dedup();
     let mesh = Mesh::new(&scene, &topology, &view, &seeds);
     let shown = Shown::Image(IdImage { width: view.width, height: view.height, pixels: &ids });
-    let mut refiner = Refiner::new(&context, &predictor, mesh, shown);
+    let mut refiner = Refiner::new(&context, &predictor, mesh, shown, None);
     let effort = EffortOptions { max_samples: Some(200), ..EffortOptions::default() };
     refiner.run(&effort, Instant::now(), |_| Ok::<_, ()>(())).expect("nothing interrupts");
     refiner.mesh.validate();

@@ -113,9 +113,13 @@ pub fn main() -> ExitCode {
             let _ = error.print();
             ExitCode::from(if error.use_stderr() { 2 } else { 0 })
         }
+        Some(Err(Failure::Error(Error::Interrupted))) => {
+            terminal::complain_of_interrupt();
+            ExitCode::from(terminal::INTERRUPTED)
+        }
         Some(Err(Failure::Error(error))) => {
             terminal::complain(&error);
-            ExitCode::from(if matches!(error, Error::Interrupted) { 130 } else { 1 })
+            ExitCode::from(1)
         }
         None => ExitCode::from(1),
     }

@@ -2,22 +2,30 @@
 
 use std::{
     fmt::Display,
-    io::{self, Write},
+    io::{self, IsTerminal, Write},
     panic, process,
     sync::{
-        Arc, Once,
+        Arc, LazyLock, Once,
         atomic::{AtomicBool, Ordering},
     },
+    thread,
     time::Duration,
 };
 
 use indicatif::{ProgressBar, ProgressStyle};
 
-use crate::error::{Error, Result};
+use crate::{
+    error::{Error, Result},
+    report::output::hold_files,
+};
 
-/// Routes log messages and panics to stderr, one line each; of the former only errors, unless RUST_LOG says
+/// Exit code of a program that was interrupted: 128 and the number of SIGINT, as shells have it.
+pub const INTERRUPTED: u8 = 130;
+
+/// Lets signals end the program, and routes log messages and panics to stderr, one line each; of the former only errors, unless RUST_LOG says
 /// otherwise: drivers and loaders warn of much that is no concern of the user.
 pub fn prepare() {
+    end_on_signals();
     env_logger::Builder::from_env(env_logger::Env::default().default_filter_or("error"))
         .format(|out, record| writeln!(out, "{}: {}", record.level().as_str().to_lowercase(), record.args()))
         .init();
@@ -49,26 +57,49 @@ pub fn complain(problem: &dyn Display) {
     let _ = writeln!(io::stderr(), "error: {line}");
 }
 
+/// Tells that the user stopped the work; once, whether the work itself or the clock is the first to say so.
+pub fn complain_of_interrupt() {
+    static TOLD: Once = Once::new();
+    TOLD.call_once(|| complain(&Error::Interrupted));
+}
+
 /// Writes `note: text` to stderr.
 pub fn note(text: &str) {
     let _ = writeln!(io::stderr(), "note: {text}");
 }
 
-/// A flag that Ctrl-C and SIGTERM set for long work to see; a second one ends the process at once.
+/// What work has after a first Ctrl-C to end by itself.
+const GRACE: Duration = Duration::from_millis(500);
+
+/// A flag that Ctrl-C and SIGTERM set for long work to see.
 pub fn interrupt() -> Arc<AtomicBool> {
-    let flag = Arc::new(AtomicBool::new(false));
-    let handler = {
-        let flag = Arc::clone(&flag);
-        move || {
-            if flag.swap(true, Ordering::Relaxed) {
-                process::exit(130);
-            }
+    static FLAG: LazyLock<Arc<AtomicBool>> = LazyLock::new(Arc::default);
+    FLAG.clone()
+}
+
+/// Lets Ctrl-C and SIGTERM end the program: work that looks at [`interrupt`] ends by itself. What does not in time,
+/// a driver that compiles or a decoder, is ended with the process, between two files. A second signal does not wait.
+fn end_on_signals() {
+    let flag = interrupt();
+    let handler = move || {
+        if flag.swap(true, Ordering::Relaxed) {
+            process::exit(INTERRUPTED.into());
         }
+        // Aside, so that a second signal is heard.
+        thread::spawn(|| {
+            thread::sleep(GRACE);
+            let _held = hold_files();
+            if io::stderr().is_terminal() {
+                // A progress bar has stood here.
+                let _ = write!(io::stderr(), "\r\x1b[2K");
+            }
+            complain_of_interrupt();
+            process::exit(INTERRUPTED.into());
+        });
     };
     if let Err(error) = ctrlc::set_handler(handler) {
         note(&format!("Ctrl-C will end the program without cleaning up: {error}"));
     }
-    flag
 }
 
 /// A progress bar on stderr, where that is a terminal; gone when dropped.

@@ -31,6 +31,9 @@ pub struct ViewerArgs {
     /// Time for a frame while the camera moves
     #[arg(long, value_name = "MS", help_heading = "Effort", default_value_t = 33, value_parser = value_parser!(u32).range(1..))]
     pub budget: u32,
+    /// While the camera moves, draw pixels of N x N of the window's; unless given, as fine as the budget allows
+    #[arg(long, value_name = "N", help_heading = "Effort", value_parser = value_parser!(u32).range(1..=4))]
+    pub coarse: Option<u32>,
     #[command(flatten)]
     pub paths: PathArgs,
     #[command(flatten)]
@@ -77,6 +80,7 @@ pub(super) fn run(args: &ViewerArgs) -> Result<(), Failure> {
         scene: args.scene.clone(),
         options,
         budget: Duration::from_millis(args.budget.into()),
+        coarse: args.coarse,
         exposure: args.exposure,
         script: args.script.clone(),
     };

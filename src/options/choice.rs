@@ -119,6 +119,7 @@ choices! {
         #[default]
         Faces = "faces": "leaves, coloured by whether they are defined",
         Samples = "samples": "refined vertices",
+        Error = "error": "predicted displacement of what is reflected",
         Depth = "depth": "number of specular bounces",
         Ids = "ids": "the ID buffer",
         VtMask = "vt-mask": "pixels of specular VT objects, white; a mask for compare",

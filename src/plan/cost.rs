@@ -5,7 +5,7 @@ use serde::Serialize;
 use super::Plan;
 use crate::constants::{MATERIAL_TEXELS, TARGET_TEXELS};
 use crate::options::{Msaa, Options, VisibilityWay};
-use crate::reconstruct::leaves::{GpuLeaf, GpuVertex};
+use crate::reconstruct::leaves::GpuLeaf;
 use crate::reconstruct::{bank, base, passes, table::Texel};
 use crate::scene::{AlphaMode, Scene};
 use crate::visibility::{Class, MaskVertex, classes, face_draw};
@@ -47,15 +47,18 @@ impl Plan {
         let single_pass = self.traces() && way == VisibilityWay::SinglePass;
 
         let blended = |material: u32| scene.materials[material as usize].alpha_mode == AlphaMode::Blend;
-        let base_faces: u64 = scene
+        let base = scene
             .objects
             .iter()
             .zip(&classes)
             .filter(|(object, class)| base::contains(**class, blended(object.material), single_pass))
-            .map(|(object, _)| object.faces.len() as u64)
-            .sum();
-        let base_vertices = if base_faces > 0 { vertices } else { 0 };
-        let base = [base_vertices * size_of::<GpuVertex>() as u64, base_faces * size_of::<GpuLeaf>() as u64];
+            .fold([0, 0], |[vertices, records], (object, _)| {
+                let vertex = self.vertex_layout().bytes();
+                [
+                    vertices + object.vertices.len() as u64 * vertex,
+                    records + (object.faces.len() * size_of::<GpuLeaf>()) as u64,
+                ]
+            });
         let texels = scene.materials.len() * MATERIAL_TEXELS as usize
             + self.targets.targets.len() * TARGET_TEXELS as usize;
         let table = buffer((texels * size_of::<Texel>()) as u64);

@@ -2,6 +2,7 @@
 
 mod cost;
 mod needs;
+mod recursion;
 mod summary;
 
 pub use cost::{Cost, Resource};
@@ -11,8 +12,9 @@ use crate::constants::*;
 use crate::options::{FilterMode, Msaa, Options, Reconstruction, Shadows, Ss};
 use crate::reconstruct::bank::Wanted;
 use crate::reconstruct::passes::{ColorPass, color_passes};
+use crate::reconstruct::vertex::VertexLayout;
 use crate::report::stats::LeftOut;
-use crate::scene::{Background, LightKind, Scene, patch::Targets, topology::Topology};
+use crate::scene::{Background, LightKind, Scene, Unread, patch::Targets, topology::Topology};
 use needs::{Needs, Used};
 
 /// The stages, passes, textures and shader features of a frame.
@@ -45,9 +47,28 @@ pub struct Plan {
 impl Plan {
     /// The plan of `scene` under `options`.
     pub fn new(scene: &Scene, options: &Options) -> Self {
+        Self::after(None, scene, options)
+    }
+
+    /// The same, with what it shares with the plan `before` of the same faces and materials.
+    pub fn after(before: Option<Self>, scene: &Scene, options: &Options) -> Self {
+        let (topology, targets) = before.map_or_else(Default::default, |plan| (plan.topology, plan.targets));
+        let known = (!topology.point.is_empty()).then_some(topology);
+        let known_targets = (!targets.targets.is_empty()).then_some(targets);
         let used = Used::of(scene, options.scene.fresnel);
         let mut needs = Needs::new(options.everything);
         let lit = !scene.lights.is_empty();
+
+        // What the file brings and what it lacks.
+        for Unread { what, count, of, bytes, why } in &scene.unread {
+            let bytes = if *bytes > 0 { format!(", {bytes} bytes") } else { String::new() };
+            needs.leave_out(&format!("{count} of {of} {what} of the file{bytes}"), why);
+        }
+        needs.option(
+            scene.ambient == 0.0,
+            "light from the camera, ambient light",
+            "only a file without lights is given them",
+        );
 
         // Tracing.
         let specular = needs.part(used.specular, "specular tracing", "no object is specular");
@@ -71,20 +92,29 @@ impl Plan {
             "bounding volume hierarchy, ID buffer, readback and refinement",
             "nothing is traced: all objects are rasterised in the ordinary way",
         );
-        let topology = if traces { Topology::new(&scene.geometry) } else { Topology::default() };
-        let targets = if specular { Targets::new(scene, &topology) } else { Targets::default() };
-        let recursive = needs.part(
-            !used.specular || options.paths.depth <= 1 || !needs::in_one_plane(scene),
-            "paths of more than one bounce",
-            "all specular faces lie in one plane and cannot see each other",
-        );
-        let depth = if recursive { options.paths.depth } else { 1 };
-        let pixels = !options.effort.preview && options.method.reconstruction == Reconstruction::Exact;
-        needs.option(
-            used.specular && !pixels,
-            "pixels traced one by one",
-            "--preview or --reconstruction paper",
-        );
+        let topology = match traces {
+            true => known.unwrap_or_else(|| Topology::new(&scene.geometry)),
+            false => Topology::default(),
+        };
+        let targets = match specular {
+            true => known_targets.unwrap_or_else(|| Targets::new(scene, &topology)),
+            false => Targets::default(),
+        };
+        let mut depth = options.paths.depth;
+        if specular {
+            let recursive = needs.part(
+                depth <= 1 || recursion::can_meet(scene, &topology),
+                "paths of more than one bounce",
+                "no specular object can see another, or itself",
+            );
+            depth = if recursive { depth } else { 1 };
+            let exact = options.method.reconstruction == Reconstruction::Exact;
+            needs.option(
+                options.effort.preview || !exact,
+                "pixels traced one by one",
+                "--preview or --reconstruction paper",
+            );
+        }
 
         // Specular passes; without specular objects said above already.
         let mut absent = 0;
@@ -126,6 +156,23 @@ impl Plan {
         for (slot, what) in needs::SLOTS.iter().enumerate() {
             feature(used.slots >> slot & 1 == 1, 1 << slot, what, "no material in use has one that shows");
         }
+        feature(
+            used.shaded,
+            FEATURE_NORMALS,
+            "normals of vertices",
+            "all objects are unlit, and none is specular",
+        );
+        for (set, bit, what) in [
+            (0, FEATURE_FIRST_UV, "texture coordinates of vertices"),
+            (1, FEATURE_SECOND_UV, "second texture coordinates of vertices"),
+        ] {
+            feature(
+                used.uv_sets >> set & 1 == 1,
+                bit,
+                what,
+                "no texture that shows takes its place from them",
+            );
+        }
         feature(used.emission, FEATURE_EMISSION, "emission", "no material in use emits");
         feature(
             lit && used.glossy,
@@ -136,7 +183,7 @@ impl Plan {
         feature(
             !scene.geometry.colors.is_empty(),
             FEATURE_VERTEX_COLORS,
-            "vertex colours",
+            "colours of vertices",
             "no mesh has any",
         );
         feature(used.masked, FEATURE_ALPHA_TEST, "alpha test", "no material in use has alpha mode MASK");
@@ -239,6 +286,11 @@ impl Plan {
     /// Whether anything is traced: hierarchy, visibility, samples.
     pub fn traces(&self) -> bool {
         self.specular || self.receivers
+    }
+
+    /// Which attributes the vertices of leaves have.
+    pub fn vertex_layout(&self) -> VertexLayout {
+        VertexLayout::of(self.features)
     }
 }
 

@@ -39,7 +39,8 @@ impl Needs {
         }
     }
 
-    fn leave_out(&mut self, what: &str, why: &str) {
+    /// Notes a part that is left out whatever is asked for.
+    pub fn leave_out(&mut self, what: &str, why: &str) {
         self.left_out.push(LeftOut { what: what.into(), why: why.into() });
     }
 }
@@ -49,7 +50,7 @@ pub const SLOTS: [&str; 7] = [
     "base colour texture",
     "emission texture",
     "metalness and roughness texture",
-    "normal map",
+    "normal map, tangents of vertices",
     "highlight strength texture",
     "highlight colour texture",
     "transmission texture",
@@ -66,8 +67,12 @@ pub struct Used {
     pub reflects: bool,
     /// Whether any specular object transmits.
     pub transmits: bool,
+    /// Whether any object has a normal that shows.
+    pub shaded: bool,
     /// Slots with a texture that shows, a bit each, in the order of [`slots`].
     pub slots: u32,
+    /// Sets of texture coordinates that they read, a bit each.
+    pub uv_sets: u32,
     /// Which textures show.
     pub textures: Vec<bool>,
     /// Whether any material emits.
@@ -89,6 +94,7 @@ impl Used {
             let transmits = material.transmission > 0.0 && material.metallic < 1.0;
             used.specular |= object.vt;
             used.lit |= !object.vt && !material.unlit;
+            used.shaded |= object.vt || !material.unlit;
             used.reflects |= object.vt && (material.metallic > 0.0 || transmits || fresnel);
             used.transmits |= object.vt && transmits;
             used.emission |= emits(material);
@@ -98,6 +104,7 @@ impl Used {
             for (index, slot) in showing(material).into_iter().enumerate() {
                 let Some(slot) = slot else { continue };
                 used.slots |= 1 << index;
+                used.uv_sets |= 1 << slot.uv_set;
                 used.textures[slot.texture as usize] = true;
             }
         }
@@ -129,25 +136,4 @@ fn showing(material: &Material) -> [Option<TextureSlot>; 7] {
     let mut slots = slots(material);
     slots.iter_mut().zip(shows).filter(|(_, shows)| !shows).for_each(|(slot, _)| *slot = None);
     slots
-}
-
-/// Distance from their common plane, as a share of their extent, that faces in one plane may have.
-const FLAT: f32 = 1e-6;
-
-/// Whether all specular faces lie in one plane: what leaves it, lifted above its facet, never meets it again.
-///
-/// Convex bodies do not see themselves either; but a sample at a vertex of one starts from a normal between
-/// those of its faces, and can graze the next of them.
-pub fn in_one_plane(scene: &Scene) -> bool {
-    let faces = || scene.objects.iter().filter(|object| object.vt).flat_map(|object| object.faces.clone());
-    let geometry = &scene.geometry;
-    let Some(first) = faces().next() else { return true };
-    let normal = geometry.area_normal(first).normalize_or_zero();
-    let origin = geometry.corners(first)[0];
-    let extent = faces()
-        .flat_map(|face| geometry.corners(face))
-        .fold(0.0_f32, |extent, corner| extent.max(corner.distance(origin)));
-    faces()
-        .flat_map(|face| geometry.corners(face))
-        .all(|corner| (corner - origin).dot(normal).abs() <= FLAT * extent)
 }

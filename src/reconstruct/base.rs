@@ -1,18 +1,23 @@
 //! Faces that are drawn without samples: ordinary rasterising beside vertex tracing (paper §4).
 
-use glam::Vec3;
+use bytemuck::Zeroable;
+use glam::{Vec3, Vec4};
 
-use super::leaves;
+use super::leaves::{self, GpuLeaf};
 use super::passes::{BaseDraw, BaseFaces};
 use super::table::SceneTable;
-use crate::scene::{AlphaMode, Scene};
-use crate::visibility::{Class, single_pass};
+use super::vertex::{Attributes, VertexLayout};
+use crate::constants::NO_TARGET;
+use crate::scene::{AlphaMode, Geometry, Scene};
+use crate::visibility::{Class, Clusters, single_pass};
 
 /// Faces that are drawn without samples: all of them if nothing is traced, else occluders and blended faces.
-/// In a single pass those that need samples are drawn too, marked, until leaves take their place.
+/// In a single pass those that need samples are drawn too, marked, until leaves take their place. Every light shines
+/// on them; the nodes of a marked one are its primary-face code, the bits of a half (see [`single_pass`]).
 pub fn faces(
     scene: &Scene,
     table: &SceneTable,
+    layout: VertexLayout,
     base_textures: &[u32],
     classes: Option<&[Class]>,
     single_pass: bool,
@@ -42,16 +47,27 @@ pub fn faces(
         let cull = !scene.materials[scene.objects[index].material as usize].double_sided;
         ((false, cull, array(index)), true, vec![index])
     });
+    // The scene's vertices that are shown, in the order of the objects.
+    let mut shown: Vec<u32> = Vec::new();
     for ((marked, cull, array), blended, objects) in groups.chain(blended) {
         let start = base.leaves.len() as u32;
         let centre = centre(scene, &objects);
-        for object in objects {
-            let faces = scene.objects[object].faces.clone();
-            let code = |face| if marked { single_pass::code(face) } else { 0 };
-            base.leaves.extend(faces.map(|face| leaves::base_leaf(scene, table, face, code(face))));
+        let mut faces: Vec<u32> = Vec::new();
+        for object in objects.iter().map(|&index| &scene.objects[index]) {
+            let moved = (shown.len() as u32).wrapping_sub(object.vertices.start);
+            shown.extend(object.vertices.clone());
+            faces.extend(object.faces.clone());
+            base.leaves.extend(object.faces.clone().map(|face| GpuLeaf {
+                vertices: scene.geometry.faces[face as usize].map(|vertex| vertex.wrapping_add(moved)),
+                material: table.material(object.material),
+                lit: u32::MAX,
+                nodes: if marked { single_pass::code(face).into() } else { 0 },
+                first_target: NO_TARGET,
+                ..GpuLeaf::zeroed()
+            }));
         }
         base.draws.push(BaseDraw {
-            leaves: start..base.leaves.len() as u32,
+            clusters: Clusters::new(&scene.geometry, start, &faces),
             centre,
             array,
             cull,
@@ -59,8 +75,19 @@ pub fn faces(
             marked,
         });
     }
-    base.vertices = leaves::base_vertices(&scene.geometry);
+    base.vertices = layout.pack(shown.len(), |index| attributes(&scene.geometry, shown[index]));
     base
+}
+
+fn attributes(geometry: &Geometry, vertex: u32) -> Attributes {
+    let index = vertex as usize;
+    Attributes {
+        position: geometry.positions[index],
+        normal: geometry.normals[index],
+        uv: [geometry.uv(0, vertex), geometry.uv(1, vertex)],
+        color: geometry.color(vertex),
+        tangent: geometry.tangents.get(index).copied().unwrap_or(Vec4::X),
+    }
 }
 
 /// Whether objects of a class are among them.

@@ -1,8 +1,7 @@
 //! What a frame draws of leaves, whichever way they are reconstructed.
 
-use super::leaves::{GpuLeaf, GpuVertex, Group, Leaves};
-use super::paper::{PaperLeaf, PaperLeaves, PaperVertex};
-use crate::options::Reconstruction;
+use super::leaves::{Group, Leaves};
+use super::paper::PaperLeaves;
 
 /// The assembled leaves of a frame.
 #[derive(Debug)]
@@ -14,23 +13,6 @@ pub enum Drawn {
 }
 
 impl Drawn {
-    /// One blank leaf at one blank vertex: something to draw with every pipeline.
-    pub fn blank(reconstruction: Reconstruction) -> Self {
-        use bytemuck::Zeroable;
-        match reconstruction {
-            Reconstruction::Exact => Self::Exact(Leaves {
-                vertices: vec![GpuVertex::zeroed()],
-                leaves: vec![GpuLeaf::zeroed()],
-                ..Leaves::default()
-            }),
-            Reconstruction::Paper => Self::Paper(PaperLeaves {
-                vertices: vec![PaperVertex::zeroed()],
-                leaves: vec![PaperLeaf::zeroed()],
-                ..PaperLeaves::default()
-            }),
-        }
-    }
-
     /// Vertices, leaf records and node table as the shaders read them.
     pub fn buffers(&self) -> [&[u8]; 3] {
         use bytemuck::cast_slice;

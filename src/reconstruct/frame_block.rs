@@ -4,6 +4,7 @@ use bytemuck::{Pod, Zeroable};
 use glam::{Mat4, Vec3};
 
 use crate::constants::{LIGHT_DIRECTIONAL, LIGHT_POINT, LIGHT_SPOT, MAX_LIGHTS};
+use crate::scene::frustum::Frustum;
 use crate::scene::{Light, LightKind, Scene, View};
 
 /// glsl/frame.glsl `Light`.
@@ -55,6 +56,11 @@ pub struct FrameBlock {
 }
 
 impl FrameBlock {
+    /// What of the scene is in view.
+    pub fn frustum(&self) -> Frustum {
+        Frustum::new(&self.clip_from_eye_relative, self.eye)
+    }
+
     /// The block of `scene` seen in `view`.
     pub fn new(scene: &Scene, view: &View) -> Self {
         let mut lights = [LightBlock::zeroed(); MAX_LIGHTS as usize];

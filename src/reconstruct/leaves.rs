@@ -3,34 +3,20 @@
 use std::collections::BTreeMap;
 
 use bytemuck::{Pod, Zeroable};
-use glam::{Vec2, Vec3, Vec4};
+use glam::Vec3;
 use half::f16;
 use rayon::prelude::*;
 use rustc_hash::{FxHashMap, FxHashSet};
 
 use super::nodes::{Corner, LeafNodes, Matcher};
-use super::table::{SceneTable, Texel, floats};
+use super::table::{Texel, floats};
+use super::vertex::{Attributes, VertexLayout};
 use crate::constants::*;
-use crate::refine::mesh::Mesh;
+use crate::refine::mesh::{Mesh, Vertex};
 use crate::refine::pixels::{self, TracedPixel};
 use crate::refine::samples::Samples;
-use crate::scene::{Geometry, Scene, View};
-
-/// A vertex: glsl/leaf.glsl `Vertex`.
-#[repr(C)]
-#[derive(Debug, Clone, Copy, Pod, Zeroable)]
-pub struct GpuVertex {
-    /// Relative to the scene's origin.
-    pub position: Vec3,
-    /// Interpolated linearly, not of unit length.
-    pub normal: Vec3,
-    /// Both sets of texture coordinates.
-    pub uv: [Vec2; 2],
-    /// Linear vertex colour.
-    pub color: [f16; 4],
-    /// Tangent and handedness.
-    pub tangent: [f16; 4],
-}
+use crate::scene::frustum::{Frustum, Overlap};
+use crate::scene::{AlphaMode, View};
 
 /// A leaf: glsl/leaf.glsl `Leaf`.
 #[repr(C)]
@@ -60,11 +46,19 @@ pub struct Group {
     /// Arrays of the bank: of the leaves' own texture, the first patch's, the nodes' ([`MIXED_ARRAYS`] if they
     /// are several).
     pub arrays: [u32; 3],
+    /// Whether the frustum may clip them: they are drawn apart, a few at a time (see
+    /// [`clusters`](crate::visibility::clusters)).
+    pub cut: bool,
 }
 
 impl Group {
+    /// The group of leaves that traced pixels cover.
+    fn traced(cut: bool) -> Self {
+        Self { kind: LEAVES_TRACED, arrays: [0; 3], cut }
+    }
+
     /// The group of leaves with own texture `own` and these nodes.
-    fn of(specular: bool, own: u32, nodes: &LeafNodes) -> Self {
+    fn of(specular: bool, own: u32, nodes: &LeafNodes, cut: bool) -> Self {
         let kind = match (specular, nodes.count, nodes.all_kinds) {
             (false, ..) => LEAVES_PLAIN,
             (_, 0, _) => LEAVES_FIRST,
@@ -72,7 +66,7 @@ impl Group {
             _ => LEAVES_ALL,
         };
         let node_array = if kind == LEAVES_ALL { MIXED_ARRAYS } else { nodes.node_array.unwrap_or(0) };
-        Self { kind, arrays: [array_of(own), array_of(nodes.first_texture), node_array] }
+        Self { kind, arrays: [array_of(own), array_of(nodes.first_texture), node_array], cut }
     }
 }
 
@@ -84,8 +78,8 @@ pub fn array_of(reference: u32) -> u32 {
 /// Everything that one frame draws of leaves.
 #[derive(Debug, Default)]
 pub struct Leaves {
-    /// Vertices of the refined mesh.
-    pub vertices: Vec<GpuVertex>,
+    /// Words of the vertices of the refined mesh.
+    pub vertices: Vec<u32>,
     /// Leaves, by group.
     pub leaves: Vec<GpuLeaf>,
     /// The groups in the order of `leaves`, with the number of leaves of each.
@@ -106,7 +100,7 @@ impl Leaves {
     /// Components of Eq. 3 that are not zero everywhere, as bits of `COMPONENT_…`; the textured ones count as
     /// present with any specular leaf.
     pub fn components(&self) -> u32 {
-        if self.groups.iter().all(|(group, _)| group.kind == LEAVES_PLAIN) {
+        if self.groups.iter().all(|(group, _)| matches!(group.kind, LEAVES_PLAIN | LEAVES_TRACED)) {
             return COMPONENT_PRIMARY;
         }
         (0..2).fold(COMPONENT_PRIMARY, |components, branch| {
@@ -117,43 +111,10 @@ impl Leaves {
     }
 }
 
-impl GpuVertex {
-    fn new(position: Vec3, normal: Vec3, uv: [Vec2; 2], color: Vec4, tangent: Vec4) -> Self {
-        let halves = |value: Vec4| value.to_array().map(f16::from_f32);
-        Self { position, normal, uv, color: halves(color), tangent: halves(tangent) }
-    }
-}
-
-/// Vertices of all faces of a scene, for faces that are drawn without samples.
-pub fn base_vertices(geometry: &Geometry) -> Vec<GpuVertex> {
-    (0..geometry.positions.len() as u32)
-        .into_par_iter()
-        .map(|v| {
-            let tangent = geometry.tangents.get(v as usize).copied().unwrap_or(Vec4::X);
-            let uv = [geometry.uv(0, v), geometry.uv(1, v)];
-            let index = v as usize;
-            GpuVertex::new(geometry.positions[index], geometry.normals[index], uv, geometry.color(v), tangent)
-        })
-        .collect()
-}
-
-/// The leaf record of a face that is drawn without samples: every light shines on it. `code` is its
-/// primary-face code, the bits of a half (see [`single_pass`](crate::visibility::single_pass)); 0 for none.
-pub fn base_leaf(scene: &Scene, table: &SceneTable, face: u32, code: u16) -> GpuLeaf {
-    let object = scene.geometry.face_objects[face as usize];
-    GpuLeaf {
-        vertices: scene.geometry.faces[face as usize],
-        material: table.material(scene.objects[object as usize].material),
-        lit: u32::MAX,
-        nodes: code.into(),
-        first_target: NO_TARGET,
-        ..GpuLeaf::zeroed()
-    }
-}
-
-/// Assembles the leaves of `mesh`, in parallel and in an order that depends on the mesh alone.
+/// Assembles the leaves of `mesh` with vertices of `layout`, in parallel and in an order that depends on the mesh alone.
 pub fn assemble(
     matcher: &Matcher,
+    layout: VertexLayout,
     view: &View,
     mesh: &Mesh,
     samples: &Samples,
@@ -161,14 +122,14 @@ pub fn assemble(
     pixel_faces: &[u32],
 ) -> Leaves {
     let scene = matcher.scene;
-    let vertices = mesh
-        .vertices
-        .par_iter()
-        .map(|v| GpuVertex::new(mesh.points[v.point as usize], v.normal, v.uv, v.color, v.tangent))
-        .collect();
+    let vertices = layout.pack(mesh.vertices.len(), |index| {
+        let Vertex { point, normal, uv, color, tangent, .. } = mesh.vertices[index];
+        Attributes { position: mesh.points[point as usize], normal, uv, color, tangent }
+    });
     let faces: Vec<u32> = mesh.leaves().collect();
     let traced_faces: FxHashSet<u32> = pixel_faces.iter().copied().collect();
-    let built: Vec<(GpuLeaf, LeafNodes)> = faces
+    let frustum = Frustum::new(&view.clip_from_eye_relative(), view.eye);
+    let built: Vec<(GpuLeaf, LeafNodes, bool)> = faces
         .par_iter()
         .with_min_len(64)
         .map(|&face| {
@@ -187,11 +148,11 @@ pub fn assemble(
             if object.vt {
                 // What no traced pixel covers of a traced leaf is Gouraud-shaded: no nodes.
                 let room = if traced_faces.contains(&face) { 0 } else { matcher.room };
-                let corners = corners.map(|v| Corner {
+                let seen = corners.map(|v| Corner {
                     sample: samples.get(v),
                     distance: (!view.orthographic).then(|| view.distance_to(mesh.position(v))),
                 });
-                nodes = matcher.leaf(corners, room);
+                nodes = matcher.leaf(seen, room);
                 leaf.flags = nodes.count << LEAF_COUNT_SHIFT;
                 if let Some((target, lit)) = nodes.first {
                     (leaf.first_target, leaf.first_lit) = (target, lit);
@@ -200,34 +161,39 @@ pub fn assemble(
             if traced_faces.contains(&face) {
                 leaf.flags |= LEAF_TRACED;
             }
-            (leaf, nodes)
+            let cut = frustum.of_points(corners.map(|v| mesh.position(v))) != Overlap::Inside;
+            (leaf, nodes, cut)
         })
         .collect();
 
     let mut result = Leaves { vertices, ..Leaves::default() };
     let blocks = traced_blocks(view, mesh, traced, &traced_faces);
     let mut groups: BTreeMap<Group, Vec<GpuLeaf>> = BTreeMap::new();
-    for (&face, (mut leaf, nodes)) in faces.iter().zip(built) {
-        leaf.nodes = result.nodes.len() as u32;
-        let shows = |branch: usize| nodes.comb.iter().any(|corner| corner[branch] != Vec3::ZERO);
-        let combined = [shows(0), shows(1)];
-        if combined[0] || combined[1] {
-            leaf.flags |= LEAF_COMBINED;
-            result.combined = [0, 1].map(|branch| result.combined[branch] || combined[branch]);
-            result.nodes.extend(nodes.comb.iter().flatten().map(|comb| floats(comb.extend(0.0))));
-        }
-        if leaf.flags & LEAF_TRACED != 0 {
-            match blocks.get(&face) {
-                Some(block) => result.nodes.extend(block),
-                None => leaf.flags &= !LEAF_TRACED,
-            }
-        } else {
-            result.nodes.extend(&nodes.texels);
-        }
+    for (&face, (mut leaf, nodes, cut)) in faces.iter().zip(built) {
         let base = mesh.faces[face as usize].base;
         let object = &scene.objects[scene.geometry.face_objects[base as usize] as usize];
-        let own = matcher.base_textures[object.material as usize];
-        groups.entry(Group::of(object.vt, own, &nodes)).or_default().push(leaf);
+        let block = blocks.get(&face);
+        if block.is_none() {
+            leaf.flags &= !LEAF_TRACED;
+        }
+        leaf.nodes = result.nodes.len() as u32;
+        // Holes are cut by shading, whatever was traced.
+        let masked = matches!(scene.materials[object.material as usize].alpha_mode, AlphaMode::Mask(_));
+        let group = if block.is_some() && !masked {
+            Group::traced(cut)
+        } else {
+            let shows = |branch: usize| nodes.comb.iter().any(|corner| corner[branch] != Vec3::ZERO);
+            let combined = [shows(0), shows(1)];
+            if combined[0] || combined[1] {
+                leaf.flags |= LEAF_COMBINED;
+                result.combined = [0, 1].map(|branch| result.combined[branch] || combined[branch]);
+                result.nodes.extend(nodes.comb.iter().flatten().map(|comb| floats(comb.extend(0.0))));
+            }
+            let own = matcher.base_textures[object.material as usize];
+            Group::of(object.vt, own, &nodes, cut)
+        };
+        result.nodes.extend(block.unwrap_or(&nodes.texels));
+        groups.entry(group).or_default().push(leaf);
         if object.vt {
             result.defined += u32::from(nodes.defined);
             result.undefined += u32::from(!nodes.defined);
@@ -239,10 +205,12 @@ pub fn assemble(
     result
 }
 
-/// Radiance of the traced pixels of each traced leaf: a rectangle's corner and size, then its pixels with w = 1.
+/// Radiance of the traced pixels of each traced leaf: a rectangle's corner and size, then its pixels as halves, two a
+/// texel.
 ///
 /// The rectangle covers the leaf, so that sub-samples in pixels that were not traced find a colour too: that of
-/// the nearest traced pixel, of this leaf if it has any.
+/// the nearest traced pixel, of this leaf if it has any. A pixel of a neighbour on the same face of the scene serves
+/// for itself: where its centre lies on their edge, the device may give it to either.
 fn traced_blocks(
     view: &View,
     mesh: &Mesh,
@@ -250,6 +218,7 @@ fn traced_blocks(
     faces: &FxHashSet<u32>,
 ) -> FxHashMap<u32, Vec<Texel>> {
     let by_pixel: FxHashMap<u32, &TracedPixel> = traced.iter().map(|pixel| (pixel.index, pixel)).collect();
+    let base_of = |face: u32| mesh.faces[face as usize].base;
     let block = |&face: &u32| {
         let [columns, rows] = pixels::bounds(mesh, view, face);
         let cells = || rows.clone().flat_map(|y| columns.clone().map(move |x| (x, y)));
@@ -257,15 +226,32 @@ fn traced_blocks(
             cells().filter_map(|(x, y)| Some((x, y, *by_pixel.get(&(y * view.width + x))?))).collect();
         let own = near.iter().any(|(.., pixel)| pixel.face == face);
         let (width, height) = (columns.len() as u32, rows.len() as u32);
+        let colors: Vec<[u32; 2]> = cells()
+            .map(|(x, y)| {
+                let usable = near.iter().filter(|(u, v, pixel)| {
+                    !own || pixel.face == face || ((*u, *v) == (x, y) && base_of(pixel.face) == base_of(face))
+                });
+                let nearest = usable.min_by_key(|(u, v, _)| u.abs_diff(x).pow(2) + v.abs_diff(y).pow(2));
+                nearest.map(|(.., pixel)| halves(pixel.radiance))
+            })
+            .collect::<Option<_>>()?;
         let mut block = vec![[columns.start, rows.start, width, height]];
-        for (x, y) in cells() {
-            let usable = near.iter().filter(|(.., pixel)| !own || pixel.face == face);
-            let (.., pixel) = usable.min_by_key(|(u, v, _)| u.abs_diff(x).pow(2) + v.abs_diff(y).pow(2))?;
-            block.push(floats(pixel.radiance.extend(1.0)));
-        }
+        block.extend(colors.chunks(2).map(|pair| {
+            let [second, third] = pair.get(1).copied().unwrap_or_default();
+            [pair[0][0], pair[0][1], second, third]
+        }));
         Some((face, block))
     };
     let leaves: Vec<u32> =
         faces.iter().copied().filter(|&face| mesh.faces[face as usize].is_leaf()).collect();
     leaves.par_iter().with_min_len(64).filter_map(block).collect()
+}
+
+/// A radiance that a half can hold, in two words.
+fn halves(radiance: Vec3) -> [u32; 2] {
+    let [r, g, b] = radiance.clamp(Vec3::splat(-MAX_RADIANCE), Vec3::splat(MAX_RADIANCE)).to_array();
+    let pair = |low: f32, high: f32| {
+        u32::from(f16::from_f32(low).to_bits()) | u32::from(f16::from_f32(high).to_bits()) << 16
+    };
+    [pair(r, g), pair(b, 0.0)]
 }

@@ -8,6 +8,8 @@ pub mod leaves;
 pub mod nodes;
 pub mod paper;
 pub mod passes;
+pub mod readback;
 pub mod show;
 pub mod supersample;
 pub mod table;
+pub mod vertex;

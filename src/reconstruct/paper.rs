@@ -17,8 +17,9 @@ use super::nodes::before;
 use crate::constants::*;
 use crate::refine::mesh::{Mesh, Vertex};
 use crate::refine::samples::{Sample, Samples};
+use crate::scene::frustum::{Frustum, Overlap};
 use crate::scene::patch::{TargetId, Targets};
-use crate::scene::{AlphaMode, Scene};
+use crate::scene::{AlphaMode, Scene, View};
 use crate::trace::sample::{Node, slot};
 
 /// A vertex: glsl/paper.vert `PaperVertex`. Pairs hold the reflected and the transmitted branch.
@@ -131,9 +132,11 @@ pub fn assemble(
     scene: &Scene,
     targets: &Targets,
     base_textures: &[u32],
+    view: &View,
     mesh: &Mesh,
     samples: &Samples,
 ) -> PaperLeaves {
+    let frustum = Frustum::new(&view.clip_from_eye_relative(), view.eye);
     let vertices = (0..mesh.vertices.len() as u32)
         .into_par_iter()
         .with_min_len(64)
@@ -143,7 +146,7 @@ pub fn assemble(
         })
         .collect();
     let faces: Vec<u32> = mesh.leaves().collect();
-    let built: Vec<(PaperLeaf, Option<bool>)> = faces
+    let built: Vec<(PaperLeaf, Option<bool>, bool)> = faces
         .par_iter()
         .with_min_len(64)
         .map(|&face| {
@@ -154,9 +157,10 @@ pub fn assemble(
                 _ => f32::NEG_INFINITY,
             };
             let mut leaf = PaperLeaf { vertices: face.corners, textures: [NO_TEXTURE; 3], cutoff };
+            let cut = frustum.of_points(face.corners.map(|v| mesh.position(v))) != Overlap::Inside;
             leaf.textures[0] = base_textures[object.material as usize];
             if !object.vt {
-                return (leaf, None);
+                return (leaf, None, cut);
             }
             let seen = branches(scene, targets, face.corners.map(|v| samples.get(v)));
             for (texture, target) in leaf.textures[1..].iter_mut().zip(seen.targets) {
@@ -164,15 +168,15 @@ pub fn assemble(
                     *texture = base_textures[targets.targets[target as usize].material as usize];
                 }
             }
-            (leaf, Some(seen.defined))
+            (leaf, Some(seen.defined), cut)
         })
         .collect();
 
     let mut result = PaperLeaves { vertices, ..PaperLeaves::default() };
     let mut groups: BTreeMap<Group, Vec<PaperLeaf>> = BTreeMap::new();
-    for (leaf, defined) in built {
+    for (leaf, defined, cut) in built {
         let kind = if defined.is_some() { LEAVES_NODES } else { LEAVES_PLAIN };
-        groups.entry(Group { kind, arrays: leaf.textures.map(array_of) }).or_default().push(leaf);
+        groups.entry(Group { kind, arrays: leaf.textures.map(array_of), cut }).or_default().push(leaf);
         result.defined += u32::from(defined == Some(true));
         result.undefined += u32::from(defined == Some(false));
     }

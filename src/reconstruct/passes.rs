@@ -10,7 +10,9 @@ use super::bank::Bank;
 use super::drawn::Drawn;
 use super::frame_block::FrameBlock;
 use super::leaves::Group;
+use super::readback::{self, PendingImage, PictureRing};
 use super::table::SceneTable;
+use super::vertex::VertexLayout;
 use crate::constants::*;
 use crate::error::Result;
 use crate::gpu::{
@@ -20,7 +22,9 @@ use crate::gpu::{
 };
 use crate::options::{Equation, Reconstruction};
 use crate::report::image::FloatImage;
+use crate::scene::frustum::Frustum;
 use crate::spirv;
+use crate::visibility::clusters;
 
 /// Bindings of set 0: what all draws of a scene read.
 pub const SCENE_BINDINGS: [Binding; 4] = [
@@ -106,6 +110,9 @@ pub struct Painter {
     /// What [`draw_base`](Self::draw_base) was drawn for, if nothing was drawn upon it yet.
     fresh_base: Option<FrameBlock>,
     target: Option<Target>,
+    touch_only: bool,
+    /// Of pictures that are read while the next is drawn.
+    ring: Option<PictureRing>,
 }
 
 struct Target {
@@ -169,7 +176,14 @@ impl Painter {
             depth_reset,
             fresh_base: None,
             target: None,
+            touch_only: false,
+            ring: None,
         })
+    }
+
+    /// The texture bank, for another painter.
+    pub fn into_bank(self) -> Bank {
+        self.bank
     }
 
     /// The texture bank.
@@ -195,74 +209,9 @@ impl Painter {
         self.uploads.flush()
     }
 
-    /// Compiles every pipeline that a frame of `options` can use, and draws each once on a single pixel,
-    /// since drivers compile at the first draw.
-    ///
-    /// # Errors
-    /// What the driver says; no device memory left.
-    pub fn warm_up(&mut self, block: &FrameBlock, has_leaves: bool) -> Result<()> {
-        self.make_target(block.width, block.height)?;
-        let mut keys: Vec<PipelineKey> = Vec::new();
-        if has_leaves {
-            for (index, pass) in self.options.passes.iter().enumerate() {
-                let kinds: &[(u32, bool)] = match self.options.reconstruction {
-                    Reconstruction::Exact => &[
-                        (LEAVES_PLAIN, false),
-                        (LEAVES_FIRST, false),
-                        (LEAVES_NODES, false),
-                        (LEAVES_NODES, true),
-                        (LEAVES_ALL, true),
-                    ],
-                    Reconstruction::Paper => &[(LEAVES_PLAIN, false), (LEAVES_NODES, false)],
-                };
-                keys.extend(kinds.iter().filter_map(|&(kind, mixed)| {
-                    let arrays = [0, 0, if mixed { MIXED_ARRAYS } else { 0 }];
-                    let key = |group| leaf_key(&self.options, *pass, index, group);
-                    drawn(index, kind).then(|| key(Group { kind, arrays }))
-                }));
-            }
-        }
-        let of_leaves = keys.len();
-        for draw in &self.base_draws {
-            keys.push(self.base_key(draw));
-        }
-        for key in &keys {
-            self.pipeline(*key)?;
-        }
-        if has_leaves && self.dynamic.is_none() {
-            self.upload(&Drawn::blank(self.options.reconstruction))?;
-        }
-        self.array_set([0; 3])?;
-        self.uploads.write(&self.frame, 0, std::slice::from_ref(block))?;
-        let Self {
-            commands,
-            uploads,
-            target,
-            pipelines,
-            depth_reset,
-            scene_set,
-            base,
-            dynamic,
-            array_sets,
-            ..
-        } = self;
-        let Some(target) = target else { return Ok(()) };
-        let mut recording = commands.begin()?;
-        uploads.record(&mut recording);
-        target.render(&mut recording, true, |draws| {
-            draws.scissor([0, 0, 1, 1]);
-            for (index, key) in keys.iter().enumerate() {
-                let list = dynamic.as_ref().filter(|_| index < of_leaves).unwrap_or(base);
-                if let Some(pipeline) = pipelines.get(key) {
-                    draws.pipeline(pipeline).set(0, scene_set).set(1, &list.set);
-                    draws.set(2, &array_sets[&[0; 3]]).draw(0..3);
-                }
-            }
-        });
-        if let Some(pipeline) = depth_reset {
-            target.reset_depth(&mut recording, pipeline);
-        }
-        recording.submit_and_wait()
+    /// Lets draws touch a single pixel until this is taken back: what they need is compiled, next to nothing drawn.
+    pub fn touch_only(&mut self, touch: bool) {
+        self.touch_only = touch;
     }
 
     fn base_key(&self, draw: &BaseDraw) -> PipelineKey {
@@ -311,6 +260,7 @@ impl Painter {
             self.pipeline(key)?;
         }
         let blended = self.blended_draws(block.eye);
+        let frustum = block.frustum();
 
         self.uploads.write(&self.frame, 0, std::slice::from_ref(block))?;
         let drawn_for = self.fresh_base.take();
@@ -328,15 +278,22 @@ impl Painter {
             base_draws,
             dynamic,
             array_sets,
+            touch_only,
             ..
         } = self;
+        let limit = |commands: &mut Draws<'_, '_>| {
+            if *touch_only {
+                commands.scissor([0, 0, 1, 1]);
+            }
+        };
         let Some(target) = target else { return Ok(Vec::new()) };
         let mut recording = commands.begin()?;
         uploads.record(&mut recording);
         let record_opaque = |commands: &mut Draws<'_, '_>| {
+            limit(commands);
             for (draw, key) in base_draws.iter().zip(&base_keys).filter(|(draw, _)| !draw.blended) {
                 let arrays = &array_sets[&[draw.array, 0, 0]];
-                record_base(commands, &pipelines[key], [scene_set, &base.set, arrays], draw);
+                record_base(commands, &pipelines[key], [scene_set, &base.set, arrays], draw, &frustum);
             }
         };
         if options.single_pass && !base_is_fresh {
@@ -353,6 +310,7 @@ impl Painter {
             drawings.push(Drawing { name: pass.name, ms: 0.0, draws: count as u32 });
             recording.timed(pass.name, |recording| {
                 target.render(recording, with_base, |commands| {
+                    limit(commands);
                     if let Some(list) = dynamic {
                         for draw in of_leaves {
                             let pipeline = &pipelines[&leaf_key(options, pass, index, draw.group)];
@@ -371,6 +329,7 @@ impl Painter {
             drawings.push(Drawing { name: "blended", ms: 0.0, draws: blended.len() as u32 });
             recording.timed("blended", |recording| {
                 target.render(recording, false, |commands| {
+                    limit(commands);
                     for draw in blended {
                         let arrays = &array_sets[&[base_draws[draw].array, 0, 0]];
                         record_base(
@@ -378,6 +337,7 @@ impl Painter {
                             &pipelines[&base_keys[draw]],
                             [scene_set, &base.set, arrays],
                             &base_draws[draw],
+                            &frustum,
                         );
                     }
                 });
@@ -414,9 +374,21 @@ impl Painter {
         let mut recording = commands.begin()?;
         recording.read_image(&target.color, &mut target.staging);
         recording.submit_and_wait()?;
-        let halves: &[[half::f16; 4]] = target.staging.read((width * height) as usize)?;
-        let pixels = halves.iter().map(|p| [p[0].to_f32(), p[1].to_f32(), p[2].to_f32()]).collect();
-        Ok(FloatImage { width, height, pixels })
+        readback::linear(&mut target.staging, width, height)
+    }
+
+    /// Starts to copy the finished image to the host; `None` if nothing was drawn yet.
+    ///
+    /// # Errors
+    /// No device memory left; a lost device.
+    pub fn start_reading(&mut self) -> Result<Option<PendingImage>> {
+        let Self { ring, target, gpu, .. } = self;
+        let Some(target) = target else { return Ok(None) };
+        let ring = match ring {
+            Some(ring) => ring,
+            slot => slot.insert(PictureRing::new(gpu)?),
+        };
+        ring.start(&target.color).map(Some)
     }
 
     fn make_target(&mut self, width: u32, height: u32) -> Result<()> {
@@ -466,7 +438,7 @@ impl Painter {
         if self.pipelines.contains_key(&key) {
             return Ok(());
         }
-        let constants = [
+        let mut constants = vec![
             (0, self.bank.arrays()),
             (1, self.options.features),
             (2, key.leaves),
@@ -476,6 +448,7 @@ impl Painter {
             (9, u32::from(key.mixed)),
             (10, u32::from(matches!(key.mark, Mark::Set(_)))),
         ];
+        constants.extend(VertexLayout::of(self.options.features).constants());
         let stencil = match key.mark {
             Mark::Ignored => StencilMode::Off,
             Mark::Set(marked) => StencilMode::Mark(marked.into()),
@@ -517,18 +490,21 @@ struct LeafDraw {
 }
 
 fn leaf_draws(leaves: &Drawn) -> Vec<LeafDraw> {
+    let mut draws = Vec::new();
     let mut start = 0;
-    let draw = |&(group, count): &(Group, u32)| {
+    for &(group, count) in leaves.groups() {
+        draws.extend(
+            clusters::split(start..start + count, group.cut).map(|leaves| LeafDraw { leaves, group }),
+        );
         start += count;
-        LeafDraw { leaves: start - count..start, group }
-    };
-    leaves.groups().iter().map(draw).collect()
+    }
+    draws
 }
 
-/// Whether leaves of kind `kind` are drawn in colour pass `index`: those without specular part only in the
-/// first.
+/// Whether leaves of kind `kind` are drawn in colour pass `index`: those without specular part, or with it in their
+/// traced pixels, only in the first.
 fn drawn(index: usize, kind: u32) -> bool {
-    index == 0 || kind != LEAVES_PLAIN
+    index == 0 || !matches!(kind, LEAVES_PLAIN | LEAVES_TRACED)
 }
 
 /// The arrays that are bound for a group: any where it needs none or several.
@@ -553,9 +529,12 @@ fn record_base(
     pipeline: &GraphicsPipeline,
     [scene, list, arrays]: [&DescriptorSet; 3],
     draw: &BaseDraw,
+    frustum: &Frustum,
 ) {
     commands.pipeline(pipeline).set(0, scene).set(1, list).set(2, arrays);
-    commands.draw(3 * draw.leaves.start..3 * draw.leaves.end);
+    for leaves in draw.clusters.draws(frustum) {
+        commands.draw(3 * leaves.start..3 * leaves.end);
+    }
 }
 
 impl Target {

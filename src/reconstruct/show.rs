@@ -35,6 +35,8 @@ pub struct FrameData<'a> {
     pub samples: &'a Samples,
     /// The face that each pixel shows, if it is sampled: column and row in, face of the scene out.
     pub face_at: &'a (dyn Fn(u32, u32) -> Option<u32> + Sync),
+    /// Predicted displacement of what each leaf reflects, in pixels.
+    pub displacement: &'a (dyn Fn(u32) -> f32 + Sync),
     /// What each leaf is.
     pub kind: &'a (dyn Fn(u32) -> LeafKind + Sync),
 }
@@ -77,6 +79,10 @@ pub fn overlay(show: Show, data: &FrameData) -> Overlay {
     match show {
         Show::Faces => faces(data),
         Show::Samples => samples(data),
+        Show::Error => Overlay::from_fn(view, |x, y| {
+            let (base, leaf) = data.leaf_at(x, y)?;
+            scene.is_vt(base).then(|| ramp(doublings((data.displacement)(leaf))))
+        }),
         Show::Depth => Overlay::from_fn(view, |x, y| {
             let (base, leaf) = data.leaf_at(x, y)?;
             scene.is_vt(base).then(|| ramp(data.bounces(x, y, leaf)))
@@ -189,7 +195,13 @@ fn samples(data: &FrameData) -> Overlay {
     overlay
 }
 
-/// Numbers of bounces from dark to bright: none, then blue, green, yellow, orange, red.
+/// Steps of [`ramp`] for a displacement in pixels: none, a quarter, a half, 1, 2, 4 and more.
+fn doublings(pixels: f32) -> f32 {
+    const FIRST: f32 = 0.25;
+    if pixels > FIRST { 1.0 + (pixels / FIRST).log2() } else { pixels / FIRST }
+}
+
+/// A number of steps, 0 to 5, from dark to bright: none, then blue, green, yellow, orange, red.
 fn ramp(bounces: f32) -> Vec3 {
     const STOPS: [[u8; 3]; 6] =
         [[24, 24, 28], [44, 92, 160], [62, 158, 120], [228, 200, 72], [224, 128, 48], [190, 44, 52]];

@@ -10,6 +10,7 @@ pub mod pixels;
 pub mod predict;
 pub mod reserve;
 pub mod samples;
+pub mod store;
 
 use std::cmp::Ordering;
 use std::collections::BinaryHeap;
@@ -23,6 +24,7 @@ use self::pixels::Shown;
 use self::predict::{Corner, Deviation, Predictor};
 use self::reserve::Reserve;
 use self::samples::Samples;
+use self::store::SampleStore;
 use crate::options::{EffortOptions, Reconstruction};
 use crate::trace::sample::Context;
 
@@ -81,6 +83,8 @@ pub struct Refiner<'a> {
     pub steps: u32,
     /// What a time budget keeps back; nothing unless set.
     pub reserve: Reserve,
+    /// Samples of earlier frames, and of this one for later frames.
+    store: Option<&'a mut SampleStore>,
     state: Vec<State>,
     queue: BinaryHeap<Entry>,
     pixel_budget_used: f32,
@@ -119,8 +123,18 @@ impl PartialOrd for Entry {
 }
 
 impl<'a> Refiner<'a> {
-    /// Traces the vertices of the unrefined `mesh` and queues its faces.
-    pub fn new(context: &'a Context<'a>, predictor: &'a Predictor<'a>, mesh: Mesh, shown: Shown<'a>) -> Self {
+    /// Samples the vertices of the unrefined `mesh` and queues its faces. Samples that `store` knows are not traced,
+    /// and it learns the others; the refinement is the same with and without one.
+    pub fn new(
+        context: &'a Context<'a>,
+        predictor: &'a Predictor<'a>,
+        mesh: Mesh,
+        shown: Shown<'a>,
+        mut store: Option<&'a mut SampleStore>,
+    ) -> Self {
+        if let Some(store) = &mut store {
+            store.look_from(context.view);
+        }
         let mut refiner = Self {
             context,
             predictor,
@@ -130,6 +144,7 @@ impl<'a> Refiner<'a> {
             pixel_faces: Vec::new(),
             steps: 0,
             reserve: Reserve::default(),
+            store,
             state: Vec::new(),
             queue: BinaryHeap::new(),
             pixel_budget_used: 0.0,
@@ -141,7 +156,8 @@ impl<'a> Refiner<'a> {
             Reconstruction::Exact => Dense::find(context, &refiner.mesh, shown),
             Reconstruction::Paper => Dense::none(&refiner.mesh),
         };
-        refiner.samples.extend(context, &refiner.mesh, |vertex| dense.wanted[vertex as usize]);
+        let store = refiner.store.as_deref_mut();
+        refiner.samples.extend(context, &refiner.mesh, store, |vertex| dense.wanted[vertex as usize]);
         refiner.state.resize(refiner.mesh.faces.len(), State::default());
         let (traced, others): (Vec<u32>, Vec<u32>) = faces.partition(|&face| dense.is(face));
         for face in traced {
@@ -190,7 +206,7 @@ impl<'a> Refiner<'a> {
 
     /// Samples that count against a budget: vertices, and pixels traced one by one.
     pub fn cost(&self) -> u64 {
-        self.samples.traced() + self.pixel_budget_used as u64
+        self.samples.sampled() + self.pixel_budget_used as u64
     }
 
     /// Predicted root mean square over the visible pixels: displacement in pixels, and linear radiance.
@@ -206,6 +222,11 @@ impl<'a> Refiner<'a> {
         }
         let mean = |sum: f64| (sum / f64::from(self.total_pixels)).sqrt() as f32;
         (mean(shift), mean(color))
+    }
+
+    /// Predicted displacement of what is reflected by leaf `face`, in pixels; 0 where its pixels are traced.
+    pub fn displacement(&self, face: u32) -> f32 {
+        self.state[face as usize].deviation.shift.sqrt()
     }
 
     /// Refines until the target or a budget of `effort` is met; `after_step` sees every step. The time budget
@@ -283,7 +304,7 @@ impl<'a> Refiner<'a> {
         if splits.is_empty() && !left_queue {
             return false;
         }
-        self.samples.extend(self.context, &self.mesh, |_| true);
+        self.samples.extend(self.context, &self.mesh, self.store.as_deref_mut(), |_| true);
         self.state.resize(self.mesh.faces.len(), State::default());
         for split in &splits {
             self.hand_down(split.face);

@@ -6,6 +6,7 @@ use glam::{Vec2, Vec3};
 use rayon::prelude::*;
 
 use super::mesh::Mesh;
+use super::store::PixelStore;
 use crate::scene::View;
 use crate::trace::sample::{self, Context};
 use crate::trace::{Rays, Surface};
@@ -157,8 +158,19 @@ fn pixel_of(view: &View, image: Vec3) -> Option<(u32, u32)> {
 }
 
 /// Traces the pixels whose centres lie in the leaves `faces`, from the point of the base face that shows
-/// there. An image of the faces says where it does; without one, a primary ray a pixel.
-pub fn trace(context: &Context, mesh: &Mesh, shown: Shown, faces: &[u32]) -> (Vec<TracedPixel>, Rays) {
+/// there. An image of the faces says where it does; without one, a primary ray a pixel. Pixels that `store` knows are
+/// not traced, and it learns the others.
+pub fn trace(
+    context: &Context,
+    mesh: &Mesh,
+    shown: Shown,
+    faces: &[u32],
+    mut store: Option<&mut PixelStore>,
+) -> (Vec<TracedPixel>, Rays) {
+    if let Some(store) = &mut store {
+        store.look_at(context.view);
+    }
+    let known = store.as_deref();
     let chunks: Vec<(Vec<TracedPixel>, Rays)> = faces
         .par_chunks(16)
         .map(|faces| {
@@ -175,6 +187,11 @@ pub fn trace(context: &Context, mesh: &Mesh, shown: Shown, faces: &[u32]) -> (Ve
                     if mesh.leaf_at(base, image) != Some(face) {
                         continue;
                     }
+                    let index = y * context.view.width + x;
+                    if let Some(radiance) = known.and_then(|known| known.get(index, base)) {
+                        pixels.push(TracedPixel { index, face, radiance });
+                        continue;
+                    }
                     if matches!(shown, Shown::Counts(_)) {
                         rays.primary += 1;
                         if context.tracer.closest(origin, direction).is_none_or(|hit| hit.face != base) {
@@ -189,7 +206,7 @@ pub fn trace(context: &Context, mesh: &Mesh, shown: Shown, faces: &[u32]) -> (Ve
                     let radiance = nodes
                         .iter()
                         .fold(primary.local.radiance(primary.texel), |sum, node| sum + node.radiance());
-                    pixels.push(TracedPixel { index: y * context.view.width + x, face, radiance });
+                    pixels.push(TracedPixel { index, face, radiance });
                 }
             }
             (pixels, rays)
@@ -201,14 +218,41 @@ pub fn trace(context: &Context, mesh: &Mesh, shown: Shown, faces: &[u32]) -> (Ve
         all.extend(pixels);
         total += rays;
     }
+    if let Some(store) = store {
+        for pixel in &all {
+            store.insert(pixel.index, mesh.faces[pixel.face as usize].base, pixel.radiance);
+        }
+    }
     (all, total)
 }
 
 /// Pixels whose centres may lie in `face`.
 fn pixels_around(mesh: &Mesh, view: &View, face: u32) -> impl Iterator<Item = (u32, u32)> + use<> {
     let [columns, rows] = bounds(mesh, view, face);
-    rows.flat_map(move |y| columns.clone().map(move |x| (x, y)))
+    let corners = mesh.faces[face as usize].corners.map(|v| view.project(mesh.position(v)));
+    let sides = match corners {
+        [Some((a, _)), Some((b, _)), Some((c, _))] => sides([a, b, c]),
+        _ => [Vec3::ZERO; 3],
+    };
+    rows.flat_map(move |y| columns.clone().map(move |x| (x, y))).filter(move |&(x, y)| {
+        let centre = Vec3::new(x as f32 + 0.5, y as f32 + 0.5, 1.0);
+        sides.iter().all(|side| side.dot(centre) >= -ROUNDING)
+    })
 }
+
+/// The lines along a triangle's sides: distances to them, in pixels and positive inside, are products with (x, y, 1).
+/// All zero for a triangle without area.
+fn sides(corners: [Vec2; 3]) -> [Vec3; 3] {
+    let [a, b, c] = corners;
+    let turn = (b - a).perp_dot(c - a).signum();
+    [(a, b), (b, c), (c, a)].map(|(from, to)| {
+        let normal = (to - from).perp().normalize_or_zero() * turn;
+        normal.extend(-normal.dot(from))
+    })
+}
+
+/// Pixels by which a device's projection of a point may differ from ours.
+const ROUNDING: f32 = 0.05;
 
 /// Columns and rows of the pixels that `face` may reach into.
 pub fn bounds(mesh: &Mesh, view: &View, face: u32) -> [Range<u32>; 2] {
@@ -221,8 +265,8 @@ pub fn bounds(mesh: &Mesh, view: &View, face: u32) -> [Range<u32>; 2] {
         }
     }
     let range = |low: f32, high: f32, size: u32| {
-        let first = (low - 1.0).max(0.0) as u32;
-        let end = if high >= 0.0 { ((high + 1.0) as u32 + 1).min(size) } else { 0 };
+        let first = (low - ROUNDING).max(0.0) as u32;
+        let end = if high >= -ROUNDING { ((high + ROUNDING) as u32 + 1).min(size) } else { 0 };
         first..end
     };
     [range(low.x, high.x, view.width), range(low.y, high.y, view.height)]

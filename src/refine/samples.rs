@@ -5,7 +5,8 @@ use std::time::{Duration, Instant};
 
 use rayon::prelude::*;
 
-use super::mesh::Mesh;
+use super::mesh::{Mesh, Vertex};
+use super::store::{Key, SampleStore};
 use crate::trace::{
     Rays,
     sample::{self, Context, Node, Primary, Start},
@@ -22,7 +23,9 @@ pub struct Samples {
     primary: Vec<Primary>,
     /// Vertices that were passed over: all their faces are traced pixel by pixel.
     skipped: u64,
-    /// Rays traced for them.
+    /// Vertices whose samples were known from earlier frames.
+    pub reused: u64,
+    /// Rays traced for the others.
     pub rays: Rays,
     /// Time spent tracing.
     pub time: Duration,
@@ -45,12 +48,12 @@ impl<'a> Sample<'a> {
 }
 
 impl Samples {
-    /// Number of vertices traced.
-    pub fn traced(&self) -> u64 {
+    /// Number of vertices that have a sample, traced or reused: what a budget counts.
+    pub fn sampled(&self) -> u64 {
         self.len() as u64 - self.skipped
     }
 
-    /// Number of vertices that have an entry, traced or passed over.
+    /// Number of vertices that have an entry, sampled or passed over.
     pub fn len(&self) -> usize {
         self.primary.len()
     }
@@ -66,53 +69,113 @@ impl Samples {
         Sample { nodes: &self.nodes[start as usize..end as usize], primary: &self.primary[vertex as usize] }
     }
 
-    /// Traces all vertices of `mesh` that have no entry yet and that `wanted` says are wanted; the others are
-    /// entered without nodes. The result does not depend on the number of threads.
-    pub fn extend(&mut self, context: &Context, mesh: &Mesh, wanted: impl Fn(u32) -> bool + Sync) {
+    /// Enters the vertices of `mesh` that have no entry yet: those that `wanted` says are wanted with their samples,
+    /// from `store` where it knows them and traced where not, the others without nodes. The result does not depend
+    /// on the number of threads, nor on the store.
+    pub fn extend(
+        &mut self,
+        context: &Context,
+        mesh: &Mesh,
+        store: Option<&mut SampleStore>,
+        wanted: impl Fn(u32) -> bool + Sync,
+    ) {
         let started = Instant::now();
         let from = self.len();
-        let traced: Vec<_> = mesh.vertices[from..]
+        let known = store.as_deref();
+        let sampled: Vec<Chunk> = mesh.vertices[from..]
             .par_chunks(CHUNK)
             .enumerate()
             .map(|(chunk, vertices)| {
-                let (mut nodes, mut rays, mut skipped) = (Vec::new(), Rays::default(), 0);
+                let mut sampled = Chunk::default();
                 let first = (from + chunk * CHUNK) as u32;
-                let samples: Vec<(Primary, u32)> = vertices
-                    .iter()
-                    .zip(first..)
-                    .map(|(vertex, index)| {
-                        if !wanted(index) {
-                            skipped += 1;
-                            return (Primary::default(), nodes.len() as u32);
-                        }
-                        let start = Start {
-                            position: mesh.points[vertex.point as usize],
-                            normal: vertex.normal,
-                            geometric: vertex.geometric,
-                            back: vertex.back,
-                            uv: vertex.uv,
-                            color: vertex.color,
-                            face: vertex.base,
-                        };
-                        let primary = sample::trace(context, &start, &mut nodes, &mut rays);
-                        (primary, nodes.len() as u32)
-                    })
-                    .collect();
-                (nodes, samples, rays, skipped)
+                for (vertex, index) in vertices.iter().zip(first..) {
+                    if wanted(index) {
+                        sampled.sample(context, &start(mesh, vertex), known);
+                    } else {
+                        sampled.pass_over();
+                    }
+                }
+                sampled
             })
             .collect();
-        for (nodes, samples, rays, skipped) in traced {
+        for Chunk { nodes, primary, ends, rays, skipped, reused, .. } in &sampled {
             self.skipped += skipped;
+            self.reused += reused;
             let offset = self.nodes.len() as u32;
             let mut start = offset;
-            for (primary, end) in samples {
-                self.primary.push(primary);
+            for &end in ends {
                 self.ranges.push(start..offset + end);
                 start = offset + end;
             }
+            self.primary.extend(primary);
             self.nodes.extend(nodes);
-            self.rays += rays;
+            self.rays += *rays;
+        }
+        if let Some(store) = store {
+            let new = sampled.iter().flat_map(|chunk| &chunk.keys).zip(from as u32..);
+            for (key, vertex) in new.filter_map(|(key, vertex)| Some(((*key)?, vertex))) {
+                store.insert(key, self.get(vertex));
+            }
         }
         self.time += started.elapsed();
+    }
+}
+
+/// The samples of some consecutive vertices.
+#[derive(Default)]
+struct Chunk {
+    nodes: Vec<Node>,
+    primary: Vec<Primary>,
+    /// Where the nodes of each vertex end.
+    ends: Vec<u32>,
+    /// By what a store would know each, if it was traced and there is a store.
+    keys: Vec<Option<Key>>,
+    rays: Rays,
+    skipped: u64,
+    reused: u64,
+}
+
+impl Chunk {
+    fn sample(&mut self, context: &Context, start: &Start, known: Option<&SampleStore>) {
+        let surface = start.surface(context.tracer);
+        let key = known.map(|store| (store, Key::new(&surface, context.view)));
+        let kept = key.as_ref().and_then(|(store, key)| store.get(key));
+        let primary = match kept {
+            Some(sample) => {
+                self.nodes.extend_from_slice(sample.nodes);
+                self.reused += 1;
+                *sample.primary
+            }
+            None => {
+                let direction = context.view.direction_to(start.position);
+                let from_eye = context.view.distance_to(start.position);
+                let (nodes, rays) = (&mut self.nodes, &mut self.rays);
+                sample::trace_surface(context, &surface, direction, from_eye, nodes, rays)
+            }
+        };
+        self.push(primary, key.filter(|_| kept.is_none()).map(|(_, key)| key));
+    }
+
+    fn pass_over(&mut self) {
+        self.skipped += 1;
+        self.push(Primary::default(), None);
+    }
+
+    fn push(&mut self, primary: Primary, key: Option<Key>) {
+        self.primary.push(primary);
+        self.ends.push(self.nodes.len() as u32);
+        self.keys.push(key);
+    }
+}
+
+fn start(mesh: &Mesh, vertex: &Vertex) -> Start {
+    Start {
+        position: mesh.points[vertex.point as usize],
+        normal: vertex.normal,
+        geometric: vertex.geometric,
+        back: vertex.back,
+        uv: vertex.uv,
+        color: vertex.color,
+        face: vertex.base,
     }
 }

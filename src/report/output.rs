@@ -4,6 +4,7 @@ use std::{
     fs::Permissions,
     io::{Cursor, Write},
     path::Path,
+    sync::{Mutex, MutexGuard, PoisonError},
 };
 
 use image::codecs::png::{CompressionType, FilterType, PngEncoder};
@@ -12,6 +13,13 @@ use serde::Serialize;
 
 use super::{FloatImage, image::srgb_encode, pfm};
 use crate::error::{Error, Result};
+
+static WRITING: Mutex<()> = Mutex::new(());
+
+/// Waits for a file that is being written, and keeps any from being begun: for who is about to end the process.
+pub fn hold_files() -> MutexGuard<'static, ()> {
+    WRITING.lock().unwrap_or_else(PoisonError::into_inner)
+}
 
 /// Formats that an image can be written in.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -114,6 +122,7 @@ pub fn to_json(value: &impl Serialize) -> Result<String> {
 /// # Errors
 /// [`Error::Io`]; then nothing is left behind.
 pub fn write_file(path: &Path, bytes: &[u8]) -> Result<()> {
+    let _held = hold_files();
     let mut file = temporary(path)?;
     file.write_all(bytes).map_err(Error::io(path))?;
     file.persist(path).map_err(|error| Error::Io { path: path.into(), source: error.error })?;
@@ -129,6 +138,7 @@ pub fn check_writable(path: &Path) -> Result<()> {
         let source = std::io::Error::new(std::io::ErrorKind::IsADirectory, "is a folder; name a file in it");
         return Err(Error::Io { path: path.into(), source });
     }
+    let _held = hold_files();
     temporary(path).map(drop)
 }
 

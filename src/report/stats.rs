@@ -18,8 +18,11 @@ pub struct Stats {
     pub scene: SceneStats,
     /// The image.
     pub image: ImageStats,
-    /// Vertices traced; pixels traced one by one are in [`Rays::pixel`].
+    /// Vertices sampled; pixels traced one by one are in [`Rays::pixel`].
     pub samples: u64,
+    /// Those of them whose samples an earlier frame had traced, of a renderer that keeps them; not in the file.
+    #[serde(skip)]
+    pub reused: u64,
     /// Rays cast.
     pub rays: Rays,
     /// Faces drawn.

@@ -9,7 +9,7 @@ use crate::constants::DEFAULT_AMBIENT;
 const HEADLIGHT_RADIANCE: f32 = 0.7;
 
 /// A light without extent.
-#[derive(Debug, Clone)]
+#[derive(Debug, Clone, PartialEq)]
 pub struct Light {
     /// Its name, or `light 3`.
     pub name: String,

@@ -7,6 +7,7 @@ pub mod camera;
 pub mod classify;
 pub mod demo;
 pub mod environment;
+pub mod frustum;
 pub mod gltf;
 pub mod light;
 pub mod material;
@@ -53,8 +54,25 @@ pub struct Scene {
     pub background: Background,
     /// Ambient radiance, as a factor of base colour; 0 unless the file has no lights.
     pub ambient: f32,
+    /// What the file holds besides; none of it was read or decoded.
+    pub unread: Vec<Unread>,
     /// What was ignored, repaired or replaced while loading, one line each.
     pub notes: Vec<String>,
+}
+
+/// Objects of a file that its scene does not show.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub struct Unread {
+    /// Their kind, in the plural.
+    pub what: &'static str,
+    /// Their number.
+    pub count: usize,
+    /// The number of all of the kind in the file.
+    pub of: usize,
+    /// Bytes that their positions, normals and faces, or their texels would take, at least.
+    pub bytes: u64,
+    /// Why they are not shown.
+    pub why: &'static str,
 }
 
 /// Radiance of a ray that leaves the scene.

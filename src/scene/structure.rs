@@ -124,6 +124,7 @@ mod tests {
             cameras: vec![],
             background: Default::default(),
             ambient: 0.0,
+            unread: Vec::new(),
             notes: vec![],
         };
         Structure::of(&scene, texture)

@@ -61,6 +61,15 @@ pub struct Tracer<'s> {
     records: Vec<Record>,
 }
 
+/// What a [`Tracer`] builds of faces and materials, without the scene that they are of.
+pub struct Hierarchy {
+    bvh: Bvh2,
+    triangles: Vec<Triangle>,
+    faces: Vec<u32>,
+    masked: bool,
+    records: Vec<Record>,
+}
+
 impl<'s> Tracer<'s> {
     /// Builds the BVH over all faces of `scene`.
     pub fn new(scene: &'s Scene) -> Self {
@@ -81,6 +90,19 @@ impl<'s> Tracer<'s> {
             masked,
             records: surface::records(scene),
         }
+    }
+
+    /// The tracer of `scene`, whose faces, objects and materials are those that `hierarchy` was built of; its lights
+    /// may be others.
+    pub fn with(scene: &'s Scene, hierarchy: Hierarchy) -> Self {
+        let Hierarchy { bvh, triangles, faces, masked, records } = hierarchy;
+        Self { scene, bvh, triangles, faces, masked, records }
+    }
+
+    /// What was built, for another tracer.
+    pub fn into_hierarchy(self) -> Hierarchy {
+        let Self { bvh, triangles, faces, masked, records, .. } = self;
+        Hierarchy { bvh, triangles, faces, masked, records }
     }
 
     /// The scene that is traced.

@@ -16,7 +16,7 @@ use std::ops::AddAssign;
 pub use crate::options::Shadows;
 use crate::options::{PathOptions, SceneOptions};
 
-pub use bvh::{Hit, Tracer};
+pub use bvh::{Hierarchy, Hit, Tracer};
 pub use surface::{Appearance, Surface};
 
 /// What decides over rays, for the vertex sampler and the reference alike (design §2).

@@ -100,25 +100,32 @@ impl Node {
 
 /// Traces the sample of one vertex, appending its nodes in depth-first order, reflection first.
 pub fn trace(context: &Context, start: &Start, nodes: &mut Vec<Node>, rays: &mut Rays) -> Primary {
-    let scene = context.tracer.scene();
     let direction = context.view.direction_to(start.position);
-    let object = scene.geometry.face_objects[start.face as usize];
-    let sign = if start.back { -1.0 } else { 1.0 };
-    let geometric = unit(start.geometric).unwrap_or(Vec3::Y) * sign;
-    let surface = Surface {
-        face: start.face,
-        object,
-        material: scene.objects[object as usize].material,
-        vt: scene.objects[object as usize].vt,
-        outside: !start.back,
-        position: start.position,
-        ng: geometric,
-        n: start.normal.normalize_or(geometric * sign) * sign,
-        uvs: start.uv,
-        color: start.color,
-        offset: context.tracer.record(start.face).offset,
-    };
-    trace_surface(context, &surface, direction, context.view.distance_to(start.position), nodes, rays)
+    let from_eye = context.view.distance_to(start.position);
+    trace_surface(context, &start.surface(context.tracer), direction, from_eye, nodes, rays)
+}
+
+impl Start {
+    /// The vertex as a surface that a view ray arrives at.
+    pub fn surface(&self, tracer: &Tracer) -> Surface {
+        let scene = tracer.scene();
+        let object = scene.geometry.face_objects[self.face as usize];
+        let sign = if self.back { -1.0 } else { 1.0 };
+        let geometric = unit(self.geometric).unwrap_or(Vec3::Y) * sign;
+        Surface {
+            face: self.face,
+            object,
+            material: scene.objects[object as usize].material,
+            vt: scene.objects[object as usize].vt,
+            outside: !self.back,
+            position: self.position,
+            ng: geometric,
+            n: self.normal.normalize_or(geometric * sign) * sign,
+            uvs: self.uv,
+            color: self.color,
+            offset: tracer.record(self.face).offset,
+        }
+    }
 }
 
 /// As [`trace`], from a point of a face instead of a mesh vertex.

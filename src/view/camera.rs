@@ -19,6 +19,9 @@ const ZOOM_PER_NOTCH: f64 = 0.9;
 /// A step of flying, as a share of the distance to the pivot.
 const FLY_STEP: f64 = 0.05;
 
+/// Narrowest and widest field of view that the wheel reaches, in degrees.
+const FIELDS_OF_VIEW: (f32, f32) = (1.0, 120.0);
+
 /// A camera that circles around a pivot, +y up.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Orbit {
@@ -47,7 +50,9 @@ impl Orbit {
             (view.eye, (view.half.y.atan() * 2.0).to_degrees())
         };
         let mut orbit = Self { eye: origin + eye.as_dvec3(), target: origin + target.as_dvec3(), fov };
-        orbit.turn(0.0, 0.0); // not steeper than it may be
+        if view.forward.y.abs() > STEEPEST.to_radians().sin() as f32 {
+            orbit.turn(0.0, 0.0); // not steeper than it may be
+        }
         orbit
     }
 
@@ -59,16 +64,21 @@ impl Orbit {
 
     /// Turns around the pivot as the scene follows a drag of `x` pixels to the right and `y` down.
     pub fn turn(&mut self, x: f64, y: f64) {
-        let from = self.eye - self.target;
-        let distance = from.length();
-        if distance == 0.0 {
-            return;
-        }
-        let heading = from.x.atan2(from.z) - (x * DEGREES_PER_PIXEL).to_radians();
-        let limit = STEEPEST.to_radians();
-        let height = (from.y / distance).clamp(-1.0, 1.0).asin() + (y * DEGREES_PER_PIXEL).to_radians();
-        let rotation = DQuat::from_rotation_y(heading) * DQuat::from_rotation_x(-height.clamp(-limit, limit));
-        self.eye = self.target + rotation * DVec3::Z * distance;
+        self.eye = self.target + turned(self.eye - self.target, x * DEGREES_PER_PIXEL, y * DEGREES_PER_PIXEL);
+    }
+
+    /// Looks around as the scene follows a drag of `x` pixels to the right and `y` down in an image of `height` rows:
+    /// the eye stays where it is, to the last bit.
+    pub fn look(&mut self, x: f64, y: f64, height: u32) {
+        let per_pixel = f64::from(self.fov) / f64::from(height.max(1));
+        self.target = self.eye + turned(self.target - self.eye, -x * per_pixel, y * per_pixel);
+    }
+
+    /// Narrows the field of view by `notches` of the wheel, or widens it for less than 0.
+    pub fn narrow(&mut self, notches: f64) {
+        let (low, high) = FIELDS_OF_VIEW;
+        let factor = ZOOM_PER_NOTCH.powf(notches.clamp(-50.0, 50.0));
+        self.fov = ((f64::from(self.fov) * factor) as f32).clamp(low, high);
     }
 
     /// Moves eye and pivot so that the pivot follows a drag of `x` pixels to the right and `y` down in an image
@@ -113,6 +123,19 @@ impl Orbit {
     }
 }
 
+/// `arm` turned clockwise, seen from above, and up by so many degrees, not steeper than [`STEEPEST`]; as long as before.
+fn turned(arm: DVec3, clockwise: f64, up: f64) -> DVec3 {
+    let length = arm.length();
+    if length == 0.0 {
+        return arm;
+    }
+    let heading = arm.x.atan2(arm.z) - clockwise.to_radians();
+    let limit = STEEPEST.to_radians();
+    let height = (arm.y / length).clamp(-1.0, 1.0).asin() + up.to_radians();
+    let rotation = DQuat::from_rotation_y(heading) * DQuat::from_rotation_x(-height.clamp(-limit, limit));
+    rotation * DVec3::Z * length
+}
+
 #[cfg(test)]
 mod tests {
     use glam::{DVec3, Vec3};
@@ -132,6 +155,25 @@ mod tests {
         camera.turn(0.0, 30.0 / DEGREES_PER_PIXEL);
         assert!((camera.eye.y - 2.0).abs() < 1e-9, "a drag down looks from above: {}", camera.eye);
         assert!((camera.eye.length() - 4.0).abs() < 1e-9);
+    }
+
+    #[test]
+    fn a_look_around_carries_the_scene_and_keeps_the_eye() {
+        let mut camera = orbit();
+        let eye = camera.eye;
+        camera.look(10.0, -5.0, 100);
+        assert_eq!(camera.eye, eye);
+        assert!((camera.distance() - 4.0).abs() < 1e-9);
+        let options = camera.options(&ViewOptions { width: 200, height: 100, ..ViewOptions::default() });
+        let CameraChoice::Eye { target: Some(target), .. } = options.camera else { panic!("an eye") };
+        let view = Camera::look_at(eye.as_vec3(), target.as_vec3(), 40.0_f32.to_radians());
+        let bounds = (Vec3::splat(-1.0), Vec3::splat(1.0));
+        let (pixel, _) = View::new(&view, 200, 100, bounds).project(Vec3::ZERO).unwrap();
+        assert!((pixel - glam::Vec2::new(110.0, 45.0)).length() < 1.5, "{pixel}");
+        camera.narrow(100.0);
+        assert_eq!(camera.fov, FIELDS_OF_VIEW.0);
+        camera.narrow(-100.0);
+        assert_eq!((camera.fov, camera.eye), (FIELDS_OF_VIEW.1, eye));
     }
 
     #[test]

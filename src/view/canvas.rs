@@ -1,15 +1,20 @@
 //! What is drawn over the picture on the CPU: text, lines, the divider.
 
+use std::ops::Range;
+
 use font8x8::legacy::BASIC_LEGACY;
 use glam::Vec2;
 
-use super::worker::Pixels;
+use super::exchange::Pixels;
 
 /// Side of a glyph's cell in pixels.
 pub const GLYPH: u32 = 8;
 
 /// Height of a line of text in pixels.
 pub const LINE: u32 = 10;
+
+/// Border of lines and marks.
+const BORDER: Color = [16, 16, 16];
 
 /// An opaque sRGB colour.
 pub type Color = [u8; 3];
@@ -20,7 +25,7 @@ impl Pixels {
         Self { width, height, rgba: [r, g, b, 255].repeat(width as usize * height as usize) }
     }
 
-    /// The same picture at another size, its nearest pixels.
+    /// The same picture at another size, between its pixels linear in their bytes.
     pub fn scaled(&self, width: u32, height: u32) -> Self {
         if (self.width, self.height) == (width, height) {
             return self.clone();
@@ -28,14 +33,20 @@ impl Pixels {
         if self.rgba.is_empty() {
             return Self::filled(width, height, [0; 3]);
         }
-        let pick = |at: u32, of: u32, from: u32| (u64::from(at) * u64::from(from) / u64::from(of)) as usize;
+        let columns = between(width, self.width);
         let mut rgba = Vec::with_capacity(width as usize * height as usize * 4);
-        for y in 0..height {
-            let row = pick(y, height, self.height) * self.width as usize;
-            for x in 0..width {
-                let at = (row + pick(x, width, self.width)) * 4;
-                rgba.extend_from_slice(&self.rgba[at..at + 4]);
-            }
+        for (top, bottom, down) in between(height, self.height) {
+            let row = |y: usize| self.rgba[y * self.width as usize * 4..].as_chunks::<4>().0;
+            let (upper, lower) = (row(top), row(bottom));
+            rgba.extend(columns.iter().flat_map(|&(left, right, across)| {
+                let corners = [upper[left], upper[right], lower[left], lower[right]];
+                let mix = |a: u8, b: u8, share: u32| u32::from(a) * (256 - share) + u32::from(b) * share;
+                std::array::from_fn::<u8, 4, _>(|channel| {
+                    let [a, b, c, d] = corners.map(|pixel| pixel[channel]);
+                    let sum = mix(a, b, across) * (256 - down) + mix(c, d, across) * down;
+                    ((sum + (1 << 15)) >> 16) as u8
+                })
+            }));
         }
         Self { width, height, rgba }
     }
@@ -97,19 +108,44 @@ impl Pixels {
         }
     }
 
-    /// Draws a line, two pixels wide.
+    /// Draws a line, two pixels wide, with a dark border that parts it from a bright ground.
     pub fn line(&mut self, from: Vec2, to: Vec2, color: Color) {
+        self.stroke(from, to, BORDER, -1..3);
+        self.stroke(from, to, color, 0..2);
+    }
+
+    /// Draws a mark around a point, with a dark border.
+    pub fn mark(&mut self, at: Vec2, color: Color) {
+        self.stroke(at, at, BORDER, -3..5);
+        self.stroke(at, at, color, -2..4);
+    }
+
+    /// Draws squares along a line, which reach over `brush` beside each point on both axes.
+    fn stroke(&mut self, from: Vec2, to: Vec2, color: Color, brush: Range<i32>) {
         let Some((from, to)) = clip(from, to, Vec2::new(self.width as f32, self.height as f32)) else {
             return;
         };
         let steps = (to - from).abs().max_element().ceil().max(1.0);
         for step in 0..=steps as u32 {
             let at = from.lerp(to, step as f32 / steps).floor().as_ivec2();
-            self.set(at.x, at.y, color);
-            self.set(at.x + 1, at.y, color);
-            self.set(at.x, at.y + 1, color);
+            for y in brush.clone() {
+                brush.clone().for_each(|x| self.set(at.x + x, at.y + y, color));
+            }
         }
     }
+}
+
+/// Between which two of `from` pixels the centre of each of `of` lies, and how near to the second, 0 to 256.
+fn between(of: u32, from: u32) -> Vec<(usize, usize, u32)> {
+    let last = from.saturating_sub(1);
+    let place = |at: u32| {
+        let centre = (f64::from(at) + 0.5) * f64::from(from) / f64::from(of) - 0.5;
+        let centre = centre.clamp(0.0, last.into());
+        let first = centre as u32;
+        let share = ((centre - f64::from(first)) * 256.0) as u32;
+        (first as usize, (first + 1).min(last) as usize, share)
+    };
+    (0..of).map(place).collect()
 }
 
 /// The part of a line inside the image, a little more than that; `None` if there is none (Liang and Barsky).
@@ -162,13 +198,16 @@ mod tests {
     }
 
     #[test]
-    fn scaling_takes_the_nearest_pixels() {
+    fn scaling_is_linear_between_centres() {
         let mut pixels = Pixels::filled(2, 1, [0; 3]);
         pixels.set(1, 0, [255; 3]);
         let wide = pixels.scaled(4, 2);
-        assert_eq!((wide.width, wide.height, lit(&wide)), (4, 2, 4));
-        assert_eq!(wide.rgba[..4], [0, 0, 0, 255]);
+        assert_eq!((wide.width, wide.height), (4, 2));
+        let row: Vec<u8> = wide.rgba.chunks_exact(4).map(|pixel| pixel[1]).collect();
+        assert_eq!(row, [0, 64, 191, 255].repeat(2));
+        assert!(wide.rgba.chunks_exact(4).all(|pixel| pixel[3] == 255));
         assert_eq!(pixels.scaled(1, 1).rgba.len(), 4);
+        assert_eq!(Pixels::filled(3, 5, [7; 3]).scaled(8, 4).rgba, Pixels::filled(8, 4, [7; 3]).rgba);
     }
 
     #[test]

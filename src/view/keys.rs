@@ -98,7 +98,7 @@ pub const KEYS: &[(Key, Action, &str)] = &[
     (Key::Char('x'), Action::Supersampling, "supersampling 1, 4, 16"),
     (Key::Char('f'), Action::Filter, "texture filter"),
     (Key::Char('g'), Action::Fresnel, "Fresnel of metals on or off"),
-    (Key::Char('d'), Action::Show, "data: faces, samples, depth, ids, mask"),
+    (Key::Char('d'), Action::Show, "data: faces, samples, error, depth, ids, mask"),
     (Key::Char('i'), Action::Image, "back to the image"),
     (Key::Char('t'), Action::Split, "reference tracer beside it; drag the divider"),
     (Key::Char('k'), Action::Camera, "next camera of the file"),
@@ -116,10 +116,11 @@ pub const KEYS: &[(Key, Action, &str)] = &[
 ];
 
 /// What the mouse does.
-const MOUSE: [(&str, &str); 6] = [
+const MOUSE: [(&str, &str); 7] = [
     ("drag", "orbit"),
     ("right drag", "pan; Shift-drag too"),
-    ("wheel", "zoom"),
+    ("mid drag", "look around; Shift-right drag too"),
+    ("wheel", "zoom; with Ctrl the field of view"),
     ("click", "specular path behind the pixel"),
     ("Ctrl-drag", "move the light"),
     ("drop", "a .glb or .gltf file: show it"),

@@ -6,19 +6,23 @@
 
 #![forbid(unsafe_code)]
 
+mod artist;
 mod asked;
 mod camera;
 mod canvas;
 pub mod command;
 mod encode;
+mod exchange;
 mod inspect;
 pub mod keys;
 mod output;
 mod overlay;
+mod pace;
 mod pointer;
 mod script;
 mod timing;
 mod viewer;
+mod watch;
 mod window;
 mod worker;
 
@@ -38,6 +42,9 @@ pub struct Request {
     pub options: Options,
     /// Time that a frame may take while the camera moves.
     pub budget: Duration,
+    /// Pixels of the window along each side of a pixel that is drawn while the camera moves, 1 to 4; as the budget
+    /// allows if `None`.
+    pub coarse: Option<u32>,
     /// Scale of the shown image, in stops.
     pub exposure: f32,
     /// A file of scripted input.

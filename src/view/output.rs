@@ -5,7 +5,7 @@ use std::{
     path::{Path, PathBuf},
 };
 
-use super::worker::Pixels;
+use super::exchange::Pixels;
 use crate::{
     error::{Error, Result},
     report::{FloatImage, image::srgb_decode, output::write_image},

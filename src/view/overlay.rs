@@ -6,10 +6,10 @@ use glam::Vec3;
 
 use super::{
     canvas::{Color, GLYPH, LINE},
-    inspect::Segment,
+    exchange::{Picture, Pixels},
+    inspect::{Met, Segment},
     keys,
     viewer::Viewer,
-    worker::{Picture, Pixels},
 };
 use crate::{report::Stats, scene::View, trace::optics::BranchKind};
 
@@ -43,9 +43,13 @@ impl Viewer {
             }
         }
         if let Some(path) = &self.path {
-            for segment in &path.segments {
-                draw(&mut canvas, &picture.view, segment);
-            }
+            // The picture of a moving camera may be coarser than the window.
+            let view = View { width, height, ..picture.view };
+            path.segments.iter().for_each(|segment| draw(&mut canvas, &view, segment));
+            path.segments
+                .iter()
+                .zip(&path.met)
+                .for_each(|(segment, met)| mark(&mut canvas, &view, segment, met));
         }
         if self.overlay && !self.help {
             canvas.lines(0, 0, &self.figures(picture), WHITE);
@@ -103,9 +107,16 @@ impl Viewer {
     }
 }
 
-fn stage_lines(stats: &Stats) -> [String; 3] {
-    let (t, faces) = (&stats.time_ms, &stats.faces);
+fn stage_lines(stats: &Stats) -> [String; 4] {
+    let (t, faces, image) = (&stats.time_ms, &stats.faces, &stats.image);
     [
+        format!(
+            "{} samples traced, {} kept; {}x{}",
+            stats.samples - stats.reused,
+            stats.reused,
+            image.width,
+            image.height
+        ),
         format!("{} rays, {} leaves: {} undefined", stats.rays.total, faces.leaves, faces.undefined),
         format!(
             "frame {:.1} ms: find {:.1} trace {:.1}",
@@ -117,13 +128,24 @@ fn stage_lines(stats: &Stats) -> [String; 3] {
     ]
 }
 
-/// Draws what `view` sees of a part of a path.
-fn draw(canvas: &mut Pixels, view: &View, segment: &Segment) {
-    let color = match segment.kind {
+fn color(segment: &Segment) -> Color {
+    match segment.kind {
         None => EYE_RAY,
         Some(BranchKind::Reflect) => REFLECTED,
         Some(BranchKind::Refract) => TRANSMITTED,
-    };
+    }
+}
+
+/// Marks where a part of a path ends on an object.
+fn mark(canvas: &mut Pixels, view: &View, segment: &Segment, met: &Met) {
+    if let (Some(_), Some((at, _))) = (&met.object, view.project(segment.to)) {
+        canvas.mark(at, color(segment));
+    }
+}
+
+/// Draws what `view` sees of a part of a path.
+fn draw(canvas: &mut Pixels, view: &View, segment: &Segment) {
+    let color = color(segment);
     let Some((from, to)) = before_eye(view, segment.from, segment.to) else { return };
     if let (Some((from, _)), Some((to, _))) = (view.project(from), view.project(to)) {
         canvas.line(from, to, color);

@@ -15,6 +15,8 @@ pub enum Drag {
     Turn,
     /// Pans the camera.
     Pan,
+    /// Looks around from where the camera is.
+    Look,
     /// Moves a light.
     Light,
     /// Moves the divider between picture and reference.
@@ -30,7 +32,9 @@ impl Viewer {
             Button::Left if divider.is_some_and(|at| (at - self.pointer.0).abs() <= GRIP) => Drag::Divider,
             Button::Left if ctrl => Drag::Light,
             Button::Left if !shift => Drag::Turn,
+            Button::Right if shift => Drag::Look,
             Button::Left | Button::Right => Drag::Pan,
+            Button::Middle => Drag::Look,
         };
         self.pressed = Some((drag, self.pointer));
     }
@@ -63,6 +67,7 @@ impl Viewer {
                 }
             }
             Drag::Pan => self.fly(|orbit, height| orbit.pan(dx, dy, height)),
+            Drag::Look => self.fly(|orbit, height| orbit.look(dx, dy, height)),
             Drag::Light => {
                 if let (Some(facts), Some(picture)) = (&self.facts, &self.picture) {
                     self.asked.drag_light(&facts.lights, &picture.view, dx as f32, dy as f32);

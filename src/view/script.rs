@@ -170,6 +170,12 @@ fn parse(line: &str) -> Option<Line> {
         "key" => Line::Inputs(vec![Input::Key(Key::named(rest)?)]),
         "orbit" => Line::Inputs(drag(Button::Left, turning(pair()?)?)),
         "pan" => Line::Inputs(drag(Button::Right, pair()?)),
+        "look" => Line::Inputs(drag(Button::Middle, pair()?)),
+        "narrow" => Line::Inputs(vec![
+            Input::Held { shift: false, ctrl: true },
+            Input::Wheel(one()?),
+            Input::Held { shift: false, ctrl: false },
+        ]),
         "light" => {
             let mut inputs = vec![Input::Held { shift: false, ctrl: true }];
             inputs.extend(drag(Button::Left, pair()?));

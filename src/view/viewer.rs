@@ -3,7 +3,7 @@
 use std::{
     path::PathBuf,
     sync::Arc,
-    time::{Duration, Instant, SystemTime},
+    time::{Duration, Instant},
 };
 
 use super::{
@@ -11,24 +11,22 @@ use super::{
     asked::Asked,
     camera::Orbit,
     command::render_line,
+    exchange::{Facts, Mailbox, Picture, Pixels, Update, Wanted},
     inspect::Path as SpecularPath,
     keys::{Action, Key},
     output,
     pointer::Drag,
     timing::Timing,
-    worker::{Facts, Mailbox, Picture, Pixels, Update, Wanted},
+    watch::Watch,
 };
 use crate::{
     error::{Error, Result},
     options::CameraChoice,
-    scene::{Camera, View},
+    scene::{Camera, Light, View},
 };
 
 /// The camera rests once it has not moved for this long.
 const REST: Duration = Duration::from_millis(150);
-
-/// How often the scene file is looked at.
-const POLL: Duration = Duration::from_millis(500);
 
 /// What a user does.
 #[derive(Debug, Clone, PartialEq)]
@@ -63,8 +61,19 @@ pub enum Input {
 pub enum Button {
     /// The left one.
     Left,
+    /// The one in the middle, or the wheel.
+    Middle,
     /// Any other.
     Right,
+}
+
+/// A scene as it is looked at.
+struct Opened {
+    source: (PathBuf, u32),
+    view: (CameraChoice, Option<f32>),
+    lights: Option<Arc<[Light]>>,
+    orbit: Option<Orbit>,
+    watch: Watch,
 }
 
 /// Everything that the viewer knows.
@@ -72,6 +81,7 @@ pub struct Viewer {
     pub(super) asked: Asked,
     pub(super) source: (PathBuf, u32),
     pub(super) budget: Duration,
+    coarse: Option<u32>,
     exposure: f32,
     mailbox: Arc<Mailbox>,
     pub(super) facts: Option<Box<Facts>>,
@@ -86,14 +96,15 @@ pub struct Viewer {
     pub(super) help: bool,
     pub(super) size: (u32, u32),
     orbit: Option<Orbit>,
+    /// What was shown when a scene was asked for that is not there yet.
+    left: Option<Opened>,
     serial: u64,
     /// When the camera comes to rest.
     rests: Option<Instant>,
     pub(super) pointer: (f64, f64),
     pub(super) pressed: Option<(Drag, (f64, f64))>,
     pub(super) held: (bool, bool),
-    polled: Instant,
-    seen: Option<SystemTime>,
+    watch: Watch,
     /// Whether the window shows an older state.
     pub(super) stale: bool,
     quit: bool,
@@ -106,6 +117,7 @@ impl Viewer {
             asked: Asked { options: request.options.clone(), lights: None, light: 0 },
             source: (request.scene.clone(), 0),
             budget: request.budget,
+            coarse: request.coarse,
             exposure: request.exposure,
             mailbox,
             facts: None,
@@ -119,13 +131,13 @@ impl Viewer {
             help: false,
             size: (request.options.view.width, request.options.view.height),
             orbit: None,
+            left: None,
             serial: 0,
             rests: None,
             pointer: (0.0, 0.0),
             pressed: None,
             held: (false, false),
-            polled: Instant::now(),
-            seen: modified(&request.scene),
+            watch: Watch::new(&request.scene, Instant::now()),
             stale: true,
             quit: false,
         };
@@ -163,6 +175,7 @@ impl Viewer {
             Input::Press(button) => self.press(button),
             Input::Release => self.release(),
             Input::Pointer(x, y) => self.point(x, y),
+            Input::Wheel(notches) if self.held.1 => self.fly(|orbit, _| orbit.narrow(notches)),
             Input::Wheel(notches) => self.fly(|orbit, _| orbit.zoom(notches)),
             Input::Held { shift, ctrl } => self.held = (shift, ctrl),
             Input::Drop(file) => self.open(file),
@@ -184,7 +197,13 @@ impl Viewer {
     /// What ends the program.
     pub fn update(&mut self, update: Update) -> Result<()> {
         match update {
-            Update::Scene(facts) => self.facts = Some(facts),
+            Update::Scene(facts) => {
+                self.left = None;
+                self.watch.beside(&facts.beside);
+                self.facts = Some(facts);
+            }
+            // A coarse picture that was overtaken.
+            Update::Picture(picture) if self.picture.as_ref().is_some_and(|p| p.serial > picture.serial) => {}
             Update::Picture(picture) => {
                 self.problem = None;
                 if self.picture.as_ref().is_none_or(|before| before.view != picture.view) {
@@ -199,6 +218,7 @@ impl Viewer {
             }
             Update::Problem(error) if self.picture.is_none() => return Err(error),
             Update::Problem(error) => {
+                self.stay();
                 output::complain(&error);
                 self.problem = Some(error.to_string());
             }
@@ -223,16 +243,10 @@ impl Viewer {
             self.rests = None;
             self.want(None);
         }
-        if now >= self.polled + POLL {
-            self.polled = now;
-            let modified = modified(&self.source.0);
-            // A file that is being written is there again at one of the next looks.
-            if modified.is_some() && modified != self.seen {
-                self.seen = modified;
-                self.reload();
-            }
+        let (changed, poll) = self.watch.look(now);
+        if changed {
+            self.reload();
         }
-        let poll = self.polled + POLL;
         self.rests.map_or(poll, |rests| rests.min(poll))
     }
 
@@ -319,7 +333,15 @@ impl Viewer {
     }
 
     fn open(&mut self, file: PathBuf) {
-        self.seen = modified(&file);
+        let view = &self.asked.options.view;
+        self.left.get_or_insert_with(|| Opened {
+            source: self.source.clone(),
+            view: (view.camera.clone(), view.fov),
+            lights: self.asked.lights.clone(),
+            orbit: self.orbit,
+            watch: self.watch.clone(),
+        });
+        self.watch = Watch::new(&file, Instant::now());
         self.source = (file, 0);
         self.orbit = None;
         self.path = None;
@@ -337,6 +359,15 @@ impl Viewer {
         self.want(None);
     }
 
+    /// Goes back to the scene that is shown, where another was asked for in vain.
+    fn stay(&mut self) {
+        if let Some(Opened { source, view, lights, orbit, watch }) = self.left.take() {
+            (self.source, self.watch) = (source, watch);
+            (self.asked.options.view.camera, self.asked.options.view.fov) = view;
+            (self.asked.lights, self.orbit) = (lights, orbit);
+        }
+    }
+
     /// Asks the render thread for what is asked for now, and for the path behind `pixel`.
     pub(super) fn want(&mut self, pixel: Option<(u32, u32)>) {
         self.serial += 1;
@@ -348,6 +379,7 @@ impl Viewer {
             lights: self.asked.lights.clone(),
             moving: self.rests.is_some(),
             budget: self.budget,
+            coarse: self.coarse,
             exposure: self.exposure,
             reference: self.split.is_some(),
             pixel,
@@ -360,8 +392,4 @@ impl Facts {
     fn orbit(&self, view: &View) -> Orbit {
         Orbit::from_view(view, self.focus, (self.bounds.1 - self.bounds.0).length(), self.origin)
     }
-}
-
-fn modified(file: &std::path::Path) -> Option<SystemTime> {
-    file.metadata().and_then(|data| data.modified()).ok()
 }

@@ -1,7 +1,8 @@
 //! The window: winit's events as input, composed pictures into the swapchain.
 
 use std::{
-    sync::Arc,
+    panic,
+    sync::{Arc, Mutex, PoisonError},
     thread::{self, JoinHandle},
     time::{Duration, Instant},
 };
@@ -18,10 +19,11 @@ use winit::{
 
 use super::{
     Loader, Request,
+    exchange::{Mailbox, Update},
     keys::Key,
     script::{Ask, Script},
     viewer::{Button, Input, Viewer},
-    worker::{Mailbox, Update, Worker},
+    worker::Worker,
 };
 use crate::{
     error::{Error, Result},
@@ -34,6 +36,9 @@ const AGAIN: Duration = Duration::from_millis(100);
 /// Pixels of a touchpad's scrolling that make a notch of a wheel.
 const PIXELS_PER_NOTCH: f64 = 40.0;
 
+/// What to install where a library of the window system is missing.
+const LIBRARIES: &str = "(X11 takes `apt-get install libx11-xcb1 libxcursor1 libxi6 libxkbcommon-x11-0`)";
+
 /// Shows `request` in a window until it is closed; `load` reads scenes.
 ///
 /// # Errors
@@ -41,7 +46,7 @@ const PIXELS_PER_NOTCH: f64 = 40.0;
 /// device.
 pub fn run(request: &Request, load: Loader) -> Result<()> {
     let script = request.script.as_deref().map(Script::read).transpose()?.unwrap_or_default();
-    let events = EventLoop::<Update>::with_user_event().build().map_err(no_display)?;
+    let events = event_loop()?;
     let mailbox = Arc::new(Mailbox::default());
     let mut app = App {
         request,
@@ -99,7 +104,7 @@ impl App<'_> {
         let options = gpu::Options { device: self.request.options.device.clone(), validation: false };
         let gpu = Gpu::for_window(&options, &target)?;
         let swapchain = Swapchain::new(Surface::new(&gpu, &target)?)?;
-        let send = Box::new(move |update| {
+        let send = Arc::new(move |update| {
             // A loop that has ended needs no update.
             let _ = proxy.send_event(update);
         });
@@ -216,6 +221,27 @@ impl ApplicationHandler<Update> for App<'_> {
     }
 }
 
+/// The window system's events.
+///
+/// winit loads its X11 libraries when it starts, and panics where one is missing: said in one line instead.
+fn event_loop() -> Result<EventLoop<Update>> {
+    let said = Arc::new(Mutex::new(String::new()));
+    let (usual, hears) = (panic::take_hook(), said.clone());
+    panic::set_hook(Box::new(move |info| {
+        let text = info.payload_as_str().unwrap_or_default().replace('\n', " ");
+        *hears.lock().unwrap_or_else(PoisonError::into_inner) = text;
+    }));
+    let built = panic::catch_unwind(|| EventLoop::<Update>::with_user_event().build());
+    panic::set_hook(usual);
+    built.map_or_else(
+        |_| {
+            let said = said.lock().unwrap_or_else(PoisonError::into_inner);
+            Err(Error::NoDevice(format!("the window system cannot be used: {said} {LIBRARIES}")))
+        },
+        |built| built.map_err(no_display),
+    )
+}
+
 fn no_display(error: EventLoopError) -> Error {
     let text = error.to_string();
     // winit says first in which of its source files it failed.
@@ -224,8 +250,9 @@ fn no_display(error: EventLoopError) -> Error {
         .and_then(|(_, rest)| rest.split_once(": "))
         .map_or(&*text, |(_, cause)| cause);
     Error::NoDevice(format!(
-        "no display to open a window on ({}); without one take `vtrace render`, or run under `xvfb-run`",
-        cause.trim_end_matches('.')
+        "no display to open a window on ({}); without one take `vtrace render`, or run under `xvfb-run`{}",
+        cause.trim_end_matches('.'),
+        if cause.contains(".so") { format!(" {LIBRARIES}") } else { String::new() },
     ))
 }
 
@@ -238,6 +265,7 @@ fn input(event: WindowEvent) -> Option<Input> {
         WindowEvent::CursorMoved { position, .. } => Input::Pointer(position.x, position.y),
         WindowEvent::MouseInput { state: ElementState::Pressed, button, .. } => match button {
             MouseButton::Left => Input::Press(Button::Left),
+            MouseButton::Middle => Input::Press(Button::Middle),
             _ => Input::Press(Button::Right),
         },
         WindowEvent::MouseInput { state: ElementState::Released, .. } => Input::Release,

@@ -3,186 +3,32 @@
 use std::{
     cell::OnceCell,
     path::{Path, PathBuf},
-    sync::{
-        Arc, Condvar, Mutex, MutexGuard, PoisonError,
-        atomic::{AtomicBool, Ordering},
-    },
-    time::Duration,
+    sync::{Arc, mpsc},
+    thread,
 };
 
-use glam::{DVec3, Vec3};
+use glam::Vec3;
 
 use super::{
-    encode,
-    inspect::{self, Path as SpecularPath},
+    artist::{Artist, Parcel},
+    exchange::{Facts, Mailbox, Update, Wanted},
+    pace::Pace,
 };
 use crate::{
     error::{Error, Result},
-    frame::{Renderer, Step},
+    frame::{Kept, Renderer},
     gpu::Gpu,
-    options::{EffortOptions, Options},
-    report::{FloatImage, Stats},
-    scene::{Camera, Light, Scene, View},
-    trace::{Settings, Tracer, reference},
+    scene::{Light, Scene, gltf},
 };
 
-/// Budgets between two steps that are shown while the camera rests: each is drawn at the cost of refinement.
-const STEP_INTERVAL: u32 = 4;
+/// Pictures of a moving camera that may be on their way to the window while the next is made.
+const UNDER_WAY: usize = 2;
+
+/// Bytes of samples that are kept from frame to frame: about half a million of them.
+const SAMPLE_BYTES: usize = 512 << 20;
 
 /// Reads and classifies a scene file.
 pub type Loader = Box<dyn Fn(&Path) -> Result<Scene> + Send>;
-
-/// What the window should show.
-#[derive(Debug, Clone)]
-pub struct Wanted {
-    /// Counts what was wanted: updates say which they answer.
-    pub serial: u64,
-    /// The scene file, and how often it was asked to be read again.
-    pub source: (PathBuf, u32),
-    /// Image, camera, method and effort.
-    pub options: Options,
-    /// Lights in place of those of the file.
-    pub lights: Option<Arc<[Light]>>,
-    /// Whether the camera moves: then one frame within `budget`, else all that `options` ask for.
-    pub moving: bool,
-    /// Time that a frame may take while the camera moves.
-    pub budget: Duration,
-    /// Scale of the shown image, in stops.
-    pub exposure: f32,
-    /// Whether to trace the reference too.
-    pub reference: bool,
-    /// The pixel whose specular path to follow.
-    pub pixel: Option<(u32, u32)>,
-}
-
-impl Wanted {
-    /// Whether a renderer made for `other` can draw it.
-    fn shares_renderer(&self, other: &Self) -> bool {
-        let timeless = |options: &Options| Options {
-            view: Default::default(),
-            effort: EffortOptions::default(),
-            ..options.clone()
-        };
-        let same_lights = match (&self.lights, &other.lights) {
-            (Some(a), Some(b)) => Arc::ptr_eq(a, b),
-            (a, b) => a.is_none() && b.is_none(),
-        };
-        self.source == other.source && same_lights && timeless(&self.options) == timeless(&other.options)
-    }
-}
-
-/// What the window hears of.
-pub enum Update {
-    /// A scene was read.
-    Scene(Box<Facts>),
-    /// An image, better than the one before or of another view.
-    Picture(Box<Picture>),
-    /// The reference of the view that is shown.
-    Reference(Pixels),
-    /// The path behind the pixel that was clicked.
-    Path(SpecularPath),
-    /// What was wanted cannot be had; what is shown stays.
-    Problem(Error),
-}
-
-/// What the window knows of a scene.
-pub struct Facts {
-    /// Smallest and largest corner.
-    pub bounds: (Vec3, Vec3),
-    /// What to look at: the centre of the specular objects, of all where there are none.
-    pub focus: Vec3,
-    /// World position of the scene's coordinate origin.
-    pub origin: DVec3,
-    /// Cameras of the file.
-    pub cameras: Vec<Camera>,
-    /// Lights, those added for want of any left out.
-    pub lights: Vec<Light>,
-}
-
-/// Opaque RGBA bytes, row by row from the top.
-#[derive(Clone, Default)]
-pub struct Pixels {
-    /// Pixels in a row.
-    pub width: u32,
-    /// Rows.
-    pub height: u32,
-    /// `4 · width · height` bytes.
-    pub rgba: Vec<u8>,
-}
-
-/// An image with what is known of it.
-pub struct Picture {
-    /// Which wish it answers.
-    pub serial: u64,
-    /// What is shown.
-    pub pixels: Pixels,
-    /// From where.
-    pub view: View,
-    /// Refinement steps, samples and predicted error so far.
-    pub progress: (u32, u64, f32),
-    /// What it took; `None` before refinement ended.
-    pub stats: Option<Box<Stats>>,
-    /// Whether refinement went as far as it was asked to, the camera at rest.
-    pub complete: bool,
-}
-
-/// Where the window leaves what it wants, and the render thread finds it.
-#[derive(Default)]
-pub struct Mailbox {
-    slot: Mutex<Slot>,
-    filled: Condvar,
-    interrupt: Arc<AtomicBool>,
-}
-
-#[derive(Default)]
-struct Slot {
-    wanted: Option<Wanted>,
-    closed: bool,
-    /// Whether what is worked on may be given up for something newer.
-    patient: bool,
-}
-
-impl Mailbox {
-    /// Replaces what was wanted before. A frame of a moving camera is still finished, anything else is given up.
-    pub fn post(&self, wanted: Wanted) {
-        let mut slot = self.lock();
-        // A click is answered even if the camera moved on meanwhile.
-        let pixel = wanted.pixel.or(slot.wanted.as_ref().and_then(|before| before.pixel));
-        slot.wanted = Some(Wanted { pixel, ..wanted });
-        if slot.patient {
-            self.interrupt.store(true, Ordering::Relaxed);
-        }
-        self.filled.notify_one();
-    }
-
-    /// Ends the render thread.
-    pub fn close(&self) {
-        self.lock().closed = true;
-        self.interrupt.store(true, Ordering::Relaxed);
-        self.filled.notify_one();
-    }
-
-    /// Waits for something new; `None` once closed.
-    fn next(&self) -> Option<Wanted> {
-        let mut slot = self.lock();
-        loop {
-            if slot.closed {
-                return None;
-            }
-            if let Some(wanted) = slot.wanted.take() {
-                slot.patient = !wanted.moving;
-                self.interrupt.store(false, Ordering::Relaxed);
-                return Some(wanted);
-            }
-            slot.patient = false;
-            slot = self.filled.wait(slot).unwrap_or_else(PoisonError::into_inner);
-        }
-    }
-
-    fn lock(&self) -> MutexGuard<'_, Slot> {
-        self.slot.lock().unwrap_or_else(PoisonError::into_inner)
-    }
-}
 
 /// What the render thread works with.
 pub struct Worker {
@@ -193,7 +39,7 @@ pub struct Worker {
     /// How it reads scenes.
     pub load: Loader,
     /// Where its updates go.
-    pub send: Box<dyn Fn(Update) + Send>,
+    pub send: Arc<dyn Fn(Update) + Send + Sync>,
 }
 
 /// A scene in use.
@@ -204,6 +50,9 @@ struct Loaded {
     lights: Vec<Light>,
     /// Where the headlight is, in a scene without lights of its own.
     headlight: Option<Vec3>,
+    /// What the last renderer has left.
+    kept: Option<Kept>,
+    pace: Pace,
 }
 
 impl Worker {
@@ -212,10 +61,24 @@ impl Worker {
     /// # Errors
     /// The first scene cannot be read; the device fails.
     pub fn run(self) -> Result<()> {
+        let (deliver, delivered) = mpsc::sync_channel(UNDER_WAY);
+        let send = self.send.clone();
+        let courier = thread::Builder::new()
+            .name("pictures".into())
+            .spawn(move || delivered.into_iter().for_each(|parcel: Parcel| send(parcel.open())))
+            .map_err(Error::io("picture thread"))?;
+        let done = self.work(&deliver);
+        drop(deliver);
+        // What went wrong there, the device will say here too.
+        let _ = courier.join();
+        done
+    }
+
+    fn work(&self, deliver: &mpsc::SyncSender<Parcel>) -> Result<()> {
         let mut loaded: Option<Loaded> = None;
         let mut next = self.mailbox.next();
         while let Some(wanted) = next {
-            match self.serve_source(&mut loaded, wanted) {
+            match self.serve_source(&mut loaded, wanted, deliver) {
                 Ok(other) => next = other,
                 Err(error) if loaded.is_none() || matches!(error, Error::Vulkan { .. }) => return Err(error),
                 Err(error) => {
@@ -227,8 +90,13 @@ impl Worker {
         Ok(())
     }
 
-    /// Draws what is wanted until it takes another renderer; returns what does.
-    fn serve_source(&self, loaded: &mut Option<Loaded>, wanted: Wanted) -> Result<Option<Wanted>> {
+    /// Draws what is wanted until another scene is; returns what asks for it.
+    fn serve_source(
+        &self,
+        loaded: &mut Option<Loaded>,
+        mut wanted: Wanted,
+        deliver: &mpsc::SyncSender<Parcel>,
+    ) -> Result<Option<Wanted>> {
         let current = match loaded.take() {
             Some(current) if current.source == wanted.source => loaded.insert(current),
             before => match (self.load)(&wanted.source.0) {
@@ -239,91 +107,50 @@ impl Worker {
                 }
                 Err(error) => {
                     // What was shown before goes on being shown.
-                    *loaded = before.map(|before| Loaded { source: wanted.source.clone(), ..before });
+                    *loaded = before.map(|before| match before.source.0 == wanted.source.0 {
+                        true => Loaded { source: wanted.source.clone(), ..before },
+                        false => before,
+                    });
                     return Err(error);
                 }
             },
         };
-        current.light(&wanted)?;
-        let current = &*current;
-        let mut renderer = self.renderer(&current.scene, &wanted)?;
-        let tracer = OnceCell::new();
-        let mut wanted = wanted;
         loop {
-            match self.draw(&mut renderer, &current.scene, &tracer, &wanted) {
-                Ok(()) | Err(Error::Interrupted) => {}
-                Err(error) => return Err(error),
-            }
-            let Some(newer) = self.mailbox.next() else { return Ok(None) };
-            if !newer.shares_renderer(&wanted) || current.needs_light(&newer)? {
-                return Ok(Some(newer));
-            }
-            wanted = newer;
-        }
-    }
-
-    fn renderer<'s>(&self, scene: &'s Scene, wanted: &Wanted) -> Result<Renderer<'s>> {
-        let mut options = wanted.options.clone();
-        options.effort = moving_effort(wanted);
-        let mut renderer = Renderer::new(&self.gpu, scene, &options)?;
-        renderer.set_interrupt(self.mailbox.interrupt.clone());
-        match renderer.warm_up(&wanted.options.view.resolve(scene)?) {
-            // Something newer is wanted: what is drawn first will be slower.
-            Ok(_) | Err(Error::Interrupted) => Ok(renderer),
-            Err(error) => Err(error),
-        }
-    }
-
-    fn draw<'s>(
-        &self,
-        renderer: &mut Renderer<'s>,
-        scene: &'s Scene,
-        tracer: &OnceCell<Tracer<'s>>,
-        wanted: &Wanted,
-    ) -> Result<()> {
-        let view = wanted.options.view.resolve(scene)?;
-        let settings = Settings::new(&wanted.options.paths, &wanted.options.scene);
-        if let Some(pixel) = wanted.pixel {
-            let tracer = tracer.get_or_init(|| Tracer::new(scene));
-            (self.send)(Update::Path(inspect::follow(tracer, &settings, &view, pixel)));
-        }
-        let picture = |image: &FloatImage, progress, stats, complete| {
-            let pixels = Pixels {
-                width: image.width,
-                height: image.height,
-                rgba: encode::rgba(image, wanted.exposure),
-            };
-            let picture = Picture { serial: wanted.serial, pixels, view, progress, stats, complete };
-            (self.send)(Update::Picture(Box::new(picture)));
-        };
-        let frame = if wanted.moving {
-            renderer.set_effort(moving_effort(wanted));
-            renderer.render(&view)?
-        } else {
-            renderer.set_effort(wanted.options.effort.clone());
-            renderer.set_step_interval(wanted.budget * STEP_INTERVAL);
-            let mut show = |step: &Step| {
-                // Pictures of data exist once refinement ended.
-                if wanted.options.show.is_none() {
-                    let progress = (step.number, step.samples, step.predicted_error);
-                    picture(&step.image, progress, None, false);
+            current.light(&wanted)?;
+            let kept = current.kept.take();
+            let lit = &*current;
+            let mut artist = self.artist(lit, kept, &wanted)?;
+            let other = loop {
+                match artist.draw(&wanted, deliver) {
+                    Ok(()) | Err(Error::Interrupted) => {}
+                    Err(error) => return Err(error),
                 }
-                Ok(())
+                let Some(newer) = self.mailbox.next() else { return Ok(None) };
+                if !newer.shares_renderer(&wanted) || lit.needs_light(&newer)? {
+                    break newer;
+                }
+                wanted = newer;
             };
-            renderer.render_steps(&view, Some(&mut show))?
-        };
-        let stats = frame.stats;
-        let progress = (stats.steps as u32, stats.samples, stats.predicted_error.unwrap_or(0.0) as f32);
-        picture(&frame.image, progress, Some(Box::new(stats)), !wanted.moving);
-        if wanted.reference && !wanted.moving {
-            let tracer = tracer.get_or_init(|| Tracer::new(scene));
-            let interrupt = &self.mailbox.interrupt;
-            let traced = reference::render(tracer, &view, &settings, 1, None, interrupt, &|_| {})?;
-            let image = FloatImage { width: view.width, height: view.height, pixels: traced.image };
-            let rgba = encode::rgba(&image, wanted.exposure);
-            (self.send)(Update::Reference(Pixels { width: view.width, height: view.height, rgba }));
+            let Artist { renderer, pace, .. } = artist;
+            (current.kept, current.pace) = (Some(renderer.into_kept()), pace);
+            if other.source != current.source {
+                return Ok(Some(other));
+            }
+            wanted = other;
         }
-        Ok(())
+    }
+
+    /// A renderer of the current scene, made of what the one before has left.
+    fn artist<'l>(&'l self, current: &'l Loaded, kept: Option<Kept>, wanted: &Wanted) -> Result<Artist<'l>> {
+        let Loaded { scene, pace, .. } = current;
+        let first = kept.is_none();
+        let mut renderer = Renderer::reusing(kept.unwrap_or_default(), &self.gpu, scene, &wanted.options)?;
+        renderer.set_interrupt(self.mailbox.interrupt.clone());
+        if first {
+            renderer.keep_samples(SAMPLE_BYTES);
+            renderer.warm_up(&wanted.options.view.resolve(scene)?)?;
+        }
+        Ok(Artist { worker: self, renderer, scene, tracer: OnceCell::new(), pace: *pace })
     }
 }
 
@@ -336,15 +163,16 @@ fn specular_centre(scene: &Scene) -> Option<Vec3> {
     Some((low + high) * 0.5)
 }
 
-/// What a frame of a moving camera is allowed.
-fn moving_effort(wanted: &Wanted) -> EffortOptions {
-    let effort = wanted.options.effort.clone();
-    if effort.preview { effort } else { EffortOptions { budget: Some(wanted.budget), ..effort } }
-}
-
 impl Loaded {
     fn new(scene: Scene, source: (PathBuf, u32)) -> Self {
-        Self { source, lights: scene.lights.clone(), scene, headlight: None }
+        Self {
+            source,
+            lights: scene.lights.clone(),
+            scene,
+            headlight: None,
+            kept: None,
+            pace: Pace::default(),
+        }
     }
 
     fn facts(&self) -> Facts {
@@ -356,6 +184,7 @@ impl Loaded {
             origin: *origin,
             cameras: cameras.clone(),
             lights: self.lights.clone(),
+            beside: gltf::files_beside(&self.source.0, &gltf::Limits::default()),
         }
     }
 

@@ -11,6 +11,9 @@ use crate::{
 /// Most faces that the 24 bits of an ID can tell apart: 0 is no face, and all ones stays free.
 pub const MAX_FACES: usize = (1 << 24) - 2;
 
+/// Bits of an entry that hold the face.
+pub const FACE_BITS: u32 = (1 << 24) - 1;
+
 /// What an object is to vertex tracing.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Class {

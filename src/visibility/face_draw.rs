@@ -5,14 +5,18 @@ use std::{ops::Range, sync::Arc};
 use bytemuck::{Pod, Zeroable};
 use glam::{Mat4, Vec3};
 
-use super::{Class, DrawList, draw_list::Batch, mask};
+use super::{
+    Class, Clusters, DrawList,
+    draw_list::{Batch, FACE_BITS},
+    mask,
+};
 use crate::{
     error::Result,
     gpu::{
         Binding, Blend, ColorTarget, Cull, DepthTarget, DescriptorSet, Draws, Format, Gpu, GraphicsDesc,
         GraphicsPipeline, Image, ImageDesc, Recording, Resource, SetLayout, Targets, Uploads,
     },
-    scene::{AlphaMode, Scene, View},
+    scene::{AlphaMode, Scene, View, frustum::Frustum},
     spirv,
 };
 
@@ -52,6 +56,7 @@ pub struct FaceDraw {
 
 struct BatchDraw {
     batch: Batch,
+    clusters: Clusters,
     pipeline: GraphicsPipeline,
     mask: Option<(DescriptorSet, f32)>,
 }
@@ -105,7 +110,11 @@ impl FaceDraw {
                     Some((mask::set(&mut uploads, scene, &mask_layout, material)?, cutoff))
                 }
             };
-            draws.push(BatchDraw { batch, pipeline, mask });
+            let Range { start, end } = batch.entries;
+            let faces: Vec<u32> =
+                list.entries[start as usize..end as usize].iter().map(|entry| entry & FACE_BITS).collect();
+            let clusters = Clusters::new(&scene.geometry, start, &faces);
+            draws.push(BatchDraw { batch, clusters, pipeline, mask });
         }
         uploads.flush()?;
         Ok(Self {
@@ -129,17 +138,21 @@ impl FaceDraw {
         if one_pixel {
             pass.scissor([0, 0, 1, 1]);
         }
-        for BatchDraw { batch, pipeline, mask } in &self.draws {
+        let clip_from_eye_relative = view.clip_from_eye_relative();
+        let frustum = Frustum::new(&clip_from_eye_relative, view.eye);
+        for BatchDraw { clusters, pipeline, mask, .. } in &self.draws {
             pass.pipeline(pipeline).set(0, &self.face_set);
             if let Some((set, _)) = mask {
                 pass.set(1, set);
             }
             pass.push(&Push {
-                clip_from_eye_relative: view.clip_from_eye_relative(),
+                clip_from_eye_relative,
                 eye: view.eye,
                 alpha_cutoff: mask.as_ref().map_or(0.0, |mask| mask.1),
             });
-            pass.draw(3 * batch.entries.start..3 * batch.entries.end);
+            for entries in clusters.draws(&frustum) {
+                pass.draw(3 * entries.start..3 * entries.end);
+            }
         }
     }
 }

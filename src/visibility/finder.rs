@@ -57,6 +57,18 @@ impl<'s> Finder<'s> {
         Ok(Self { way, note: None })
     }
 
+    /// The same for another scene of the same faces, materials and classes, whatever its lights; `None` for a way that
+    /// has nothing on the device.
+    pub fn outlive<'t>(self) -> Option<Finder<'t>> {
+        let way = match self.way {
+            Way::IdBuffer(pass) => Way::IdBuffer(pass),
+            Way::Device(pass) => Way::Device(pass),
+            Way::Auto { id_buffer, counting, on_device } => Way::Auto { id_buffer, counting, on_device },
+            Way::SinglePass(_) => return None,
+        };
+        Some(Finder { way, note: self.note })
+    }
+
     /// Draws every pipeline once, makes the buffers for the size of `view`, and lets `auto` decide.
     ///
     /// # Errors

@@ -5,6 +5,7 @@
 //! them. [`ring`] adds the neighbours that are too small to own a pixel.
 #![forbid(unsafe_code)]
 
+pub mod clusters;
 pub mod device;
 pub mod draw_list;
 pub mod face_draw;
@@ -15,6 +16,7 @@ pub mod ring;
 pub mod scan;
 pub mod single_pass;
 
+pub use clusters::Clusters;
 pub use draw_list::{Class, DrawList, classes};
 pub use finder::Finder;
 pub use id_buffer::{Pass, Visibility};

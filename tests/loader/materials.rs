@@ -174,8 +174,16 @@ fn unused_materials_and_images_are_not_decoded() {
         {"pbrMetallicRoughness": {"baseColorTexture": {"index": 0}}},
         {"pbrMetallicRoughness": {"baseColorTexture": {"index": 1}}}
     ]);
+    // A mesh of one triangle that no node shows.
+    let hidden = model.json["meshes"][0].clone();
+    push(&mut model.json["meshes"], hidden);
     let scene = model.load();
     assert_eq!((scene.materials.len(), scene.images.len()), (1, 1));
+    let unread: Vec<_> =
+        scene.unread.iter().map(|rest| (rest.what, rest.count, rest.of, rest.bytes)).collect();
+    let (mesh, texels) = (3 * 24 + 16, 4 * 64 * 64);
+    let expected = [("meshes", mesh), ("materials", 0), ("textures", 0), ("images", texels)];
+    assert_eq!(unread, expected.map(|(what, bytes)| (what, 1, 2, bytes)));
     model.primitive()["material"] = json!(1);
     assert!(model.refused().contains("images[1]"));
 }

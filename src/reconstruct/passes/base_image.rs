@@ -29,6 +29,7 @@ impl Painter {
             self.array_set([draw.array, 0, 0])?;
         }
         let started = Instant::now();
+        let frustum = block.frustum();
         self.uploads.write(&self.frame, 0, std::slice::from_ref(block))?;
         let Self { commands, uploads, target, pipelines, scene_set, base, array_sets, .. } = self;
         let target = target.as_mut().expect("made above");
@@ -38,7 +39,7 @@ impl Painter {
             target.render(recording, true, |commands| {
                 for (draw, key) in opaque.iter().zip(&keys) {
                     let arrays = &array_sets[&[draw.array, 0, 0]];
-                    record_base(commands, &pipelines[key], [scene_set, &base.set, arrays], draw);
+                    record_base(commands, &pipelines[key], [scene_set, &base.set, arrays], draw, &frustum);
                 }
             });
         });

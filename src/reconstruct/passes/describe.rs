@@ -4,7 +4,8 @@ use glam::Vec3;
 
 use crate::constants::*;
 use crate::options::{Equation, Mode, Reconstruction};
-use crate::reconstruct::leaves::{GpuLeaf, GpuVertex};
+use crate::reconstruct::leaves::GpuLeaf;
+use crate::visibility::Clusters;
 
 /// One colour draw: its name and the components of Eq. 3 that it adds up.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
@@ -84,15 +85,15 @@ pub struct BaseFaces {
     pub leaves: Vec<GpuLeaf>,
     /// Draws over `leaves`.
     pub draws: Vec<BaseDraw>,
-    /// Vertices of the whole scene.
-    pub vertices: Vec<GpuVertex>,
+    /// Words of the vertices of their objects.
+    pub vertices: Vec<u32>,
 }
 
 /// Consecutive faces without samples that are drawn alike.
 #[derive(Debug, Clone)]
 pub struct BaseDraw {
-    /// Range of leaf records.
-    pub leaves: std::ops::Range<u32>,
+    /// The leaf records, run by run.
+    pub clusters: Clusters,
     /// Where they are, for the order of blended ones.
     pub centre: Vec3,
     /// Array of the bank that their texture lies in.

@@ -57,6 +57,7 @@ impl SceneBuilder {
             cameras: Vec::new(),
             background: Background::default(),
             ambient: 0.0,
+            unread: Vec::new(),
             notes: Vec::new(),
         };
         Self { scene, problem: None }

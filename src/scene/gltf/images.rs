@@ -21,7 +21,7 @@ const MAX_SIDE: u32 = 16384;
 /// Encoded bytes of unused images that are looked at.
 const MAX_UNUSED_BYTES: u64 = 1 << 30;
 
-/// Decodes the images `used`, in their order, and opens all others.
+/// Decodes the images `used`, in their order.
 pub fn load(
     root: &Root,
     used: &[usize],
@@ -30,7 +30,6 @@ pub fn load(
     file: &Path,
     limits: &Limits,
 ) -> Result<Vec<Image>> {
-    check_unused(root, used, buffers, resolver, file)?;
     let refuse =
         |index: usize| move |problem: String| Error::scene(file, format!("images[{index}]"), problem);
     // All headers before the first decoding, so that a file over the budget is refused at once.
@@ -100,28 +99,30 @@ fn decode(bytes: &[u8]) -> std::result::Result<(u32, u32, Arc<[u8]>), String> {
     Ok((rgba.width(), rgba.height(), rgba.into_raw().into()))
 }
 
-/// Every image must be there and have the header of one, used or not, unless only an extension knows it.
-fn check_unused(
+/// Every image must be there and have the header of one, used or not, unless only an extension knows it. Returns the
+/// bytes that those not `used` would take as RGBA8; none of them is decoded.
+pub fn check_unused(
     root: &Root,
     used: &[usize],
     buffers: &Buffers,
     resolver: &Resolver,
     file: &Path,
-) -> Result<()> {
+) -> Result<u64> {
     // An image that no texture names may belong to an extension of one, in a format of its own.
     let no_extensions = root.textures.iter().all(|texture| texture.extensions.is_none());
     let mut wanted = vec![no_extensions; root.images.len()];
     root.textures.iter().filter_map(|texture| image_of(root, texture)).for_each(|index| wanted[index] = true);
     used.iter().for_each(|&index| wanted[index] = false);
-    let mut bytes_left = MAX_UNUSED_BYTES;
+    let (mut bytes_left, mut decoded) = (MAX_UNUSED_BYTES, 0);
     for (index, source) in root.images.iter().enumerate().filter(|(index, _)| wanted[*index]) {
         let refuse = |problem: String| Error::scene(file, format!("images[{index}]"), problem);
         let bytes = encoded(root, source, buffers, resolver).map_err(refuse)?;
         let Some(rest) = bytes_left.checked_sub(bytes.len() as u64) else { break };
         bytes_left = rest;
-        open(&bytes).map_err(refuse)?;
+        let (width, height) = open(&bytes).map_err(refuse)?.dimensions();
+        decoded += 4 * u64::from(width) * u64::from(height);
     }
-    Ok(())
+    Ok(decoded)
 }
 
 /// The bytes of an image as the file holds them.

@@ -78,6 +78,11 @@ impl Parts {
         self.list.iter().map(|part| part.material(&document.root)).collect()
     }
 
+    /// Meshes that the parts belong to, as the file counts them.
+    pub fn meshes(&self) -> BTreeSet<usize> {
+        self.list.iter().map(|part| part.mesh).collect()
+    }
+
     /// Why a scene without a single face is refused.
     pub fn nothing_to_draw(&self) -> String {
         match (self.list.len(), self.other_primitives) {

@@ -24,11 +24,12 @@ mod piece;
 mod tangents;
 mod textures;
 mod triangles;
+mod unread;
 mod uri;
 mod validate;
 
 use std::panic::{AssertUnwindSafe, catch_unwind};
-use std::path::Path;
+use std::path::{Path, PathBuf};
 
 use super::{Background, Scene};
 use crate::constants::DEFAULT_AMBIENT;
@@ -80,6 +81,17 @@ pub fn load(path: &Path, limits: &Limits) -> Result<Scene> {
     load_slice(&bytes, Some(folder), path, limits)
 }
 
+/// Files that the glTF file at `path` refers to, with whatever it can be read for: those that [`load`] would read too.
+pub fn files_beside(path: &Path, limits: &Limits) -> Vec<PathBuf> {
+    let Ok(bytes) = container::read_file(path, limits.max_file_bytes) else { return Vec::new() };
+    let json = container::split(&bytes, path, &Notes::default()).map(|(json, _)| json).unwrap_or_default();
+    let root: serde_json::Value = serde_json::from_slice(json).unwrap_or_default();
+    let named = ["buffers", "images"].into_iter().filter_map(|key| root[key].as_array()).flatten();
+    let uris = named.filter_map(|object| object["uri"].as_str());
+    let folder = path.parent().unwrap_or(Path::new(""));
+    uris.filter_map(uri::relative_path_of).map(|relative| folder.join(relative)).collect()
+}
+
 /// Loads glTF from memory.
 ///
 /// `folder` is where relative URIs are looked up; without one only data URIs and the binary chunk are
@@ -121,7 +133,15 @@ fn read(bytes: &[u8], folder: Option<&Path>, file: &Path, limits: &Limits) -> Re
     let origin = assembly.origin;
     let cameras = cameras::placed(&document, &nodes, origin, &notes);
     let lights = lights::placed(&document, &nodes, origin, &notes);
-    let images = images::load(&document.root, textures.images(), &buffers, &resolver, file, limits)?;
+    let images_in_use = textures.images();
+    let unread_bytes = images::check_unused(&document.root, images_in_use, &buffers, &resolver, file)?;
+    let images = images::load(&document.root, images_in_use, &buffers, &resolver, file, limits)?;
+    let used = unread::Used {
+        meshes: parts.meshes(),
+        materials: material_of.keys().flatten().copied().collect(),
+        textures: textures.in_file().clone(),
+        images: images_in_use.iter().copied().collect(),
+    };
 
     Ok(Scene {
         name: file.file_stem().map_or_else(|| "scene".into(), |stem| stem.to_string_lossy().into_owned()),
@@ -135,6 +155,7 @@ fn read(bytes: &[u8], folder: Option<&Path>, file: &Path, limits: &Limits) -> Re
         lights,
         cameras,
         background: Background::default(),
+        unread: unread::list(&document.root, &used, unread_bytes),
         notes: notes.into_lines(),
     })
 }

@@ -1,6 +1,6 @@
 //! Texture references of materials: which image, how it is sampled, and where its coordinates come from.
 
-use std::collections::HashMap;
+use std::collections::{BTreeSet, HashMap};
 
 use glam::{Affine2, Vec2};
 use gltf::json::extensions::texture::TextureTransform;
@@ -20,6 +20,7 @@ pub struct Textures {
     /// The file's images, in order of first use: [`Texture::image`] counts in this list.
     images: Vec<usize>,
     known_images: HashMap<usize, u32>,
+    in_file: BTreeSet<usize>,
 }
 
 /// A texture reference of a material, in whichever of the crate's types it came.
@@ -64,6 +65,7 @@ impl Textures {
             });
             return None;
         };
+        self.in_file.insert(reference.texture.value());
         let image = *self.known_images.entry(image).or_insert_with(|| {
             self.images.push(image);
             self.images.len() as u32 - 1
@@ -94,6 +96,11 @@ impl Textures {
     /// The file's images that are in use, in the order that [`Texture::image`] counts.
     pub fn images(&self) -> &[usize] {
         &self.images
+    }
+
+    /// The file's textures that are in use.
+    pub fn in_file(&self) -> &BTreeSet<usize> {
+        &self.in_file
     }
 
     /// The textures, as slots refer to them.

@@ -52,6 +52,11 @@ impl Resolver {
     }
 }
 
+/// The path that `uri` means, if it means one that is read.
+pub fn relative_path_of(uri: &str) -> Option<PathBuf> {
+    relative_path(uri).ok()
+}
+
 /// The path that a relative reference (RFC 3986 §4.2) means, percent escapes decoded once.
 fn relative_path(uri: &str) -> Result<PathBuf, String> {
     let shown: String = uri.chars().take(80).collect();

@@ -17,8 +17,7 @@ pub(super) const CASES: &[Case] = &[
         name: "critical-angle",
         parameter: "degrees",
         values: &[0.0, 30.0, 41.0, 41.81, 42.6, 60.0, 80.0],
-        // At that angle reflectance rises with infinite slope: the pixels on the line carry all of the error.
-        bound: Bound::both(0.01),
+        bound: Bound::both(0.005),
         limit: None,
         // The eye is inside a block of index 1.5, whose critical angle is 41.81°.
         experiment: Experiment::Picture(|degrees| {

@@ -3,19 +3,18 @@
 //! `cargo run --release --example check_models -- DIR`; `make test-models DIR=…` does that. A row of the
 //! manifest names a file and what must happen: `ok` a picture, `ok-warn` a picture and a note, `error` one
 //! clear line on stderr and no picture, `either` any of these. Each model has a process of its own, so that a
-//! crash or a hang is one failure among others.
+//! crash, a hang or a hunger for memory is one failure among others.
+
+mod watch;
 
 use std::{
     fs,
     path::{Path, PathBuf},
-    process::{Command, ExitCode, Output, Stdio},
-    time::{Duration, Instant},
+    process::{Command, ExitCode},
 };
 
 use serde_json::Value;
-
-/// Longest time for one model.
-const PATIENCE: Duration = Duration::from_secs(60);
+use watch::{Watched, watched};
 
 fn main() -> ExitCode {
     let Some(folder) = std::env::args_os().nth(1).map(PathBuf::from) else {
@@ -56,10 +55,10 @@ fn manifest(folder: &Path) -> Result<Vec<(String, String)>, String> {
 }
 
 fn check(model: &Path, expected: &str, picture: &Path) -> Result<String, String> {
-    let output = render(model, picture)?;
-    let stderr = String::from_utf8_lossy(&output.stderr);
+    let Watched { code, stderr, seconds, bytes } = render(model, picture)?;
     let lines: Vec<&str> = stderr.lines().collect();
-    match (output.status.code(), expected) {
+    let cost = format!("{seconds:.1} s, {} MiB", bytes >> 20);
+    match (code, expected) {
         (Some(0), "ok" | "ok-warn" | "either") => {
             let notes = lines.iter().filter(|line| line.starts_with("note: ")).count();
             if !picture.exists() {
@@ -67,13 +66,15 @@ fn check(model: &Path, expected: &str, picture: &Path) -> Result<String, String>
             } else if expected == "ok-warn" && notes == 0 {
                 Err("rendered without a note".into())
             } else {
-                Ok(format!("rendered, {notes} notes"))
+                Ok(format!("{cost}: rendered, {notes} notes"))
             }
         }
         (Some(1), "error" | "either") => {
             let errors: Vec<&&str> = lines.iter().filter(|line| line.starts_with("error: ")).collect();
             match errors[..] {
-                [error] if !picture.exists() && !error.contains("internal error") => Ok((*error).to_string()),
+                [error] if !picture.exists() && !error.contains("internal error") => {
+                    Ok(format!("{cost}: {error}"))
+                }
                 _ => Err(format!("not one clear error, or a picture left behind: {stderr}")),
             }
         }
@@ -81,24 +82,11 @@ fn check(model: &Path, expected: &str, picture: &Path) -> Result<String, String>
     }
 }
 
-fn render(model: &Path, picture: &Path) -> Result<Output, String> {
+fn render(model: &Path, picture: &Path) -> Result<Watched, String> {
     // Examples are built into a folder below the programs'.
     let own = std::env::current_exe().map_err(|error| error.to_string())?;
     let program = own.parent().and_then(Path::parent).map(|folder| folder.join("vtrace")).unwrap_or_default();
-    let mut child = Command::new(&program)
-        .args(["render", "--size", "160x128", "--max-samples", "4000", "-o"])
-        .args([picture, model])
-        .stdout(Stdio::null())
-        .stderr(Stdio::piped())
-        .spawn()
-        .map_err(|error| format!("{}: {error}", program.display()))?;
-    let started = Instant::now();
-    while child.try_wait().map_err(|error| error.to_string())?.is_none() {
-        if started.elapsed() > PATIENCE {
-            child.kill().and_then(|()| child.wait()).map_err(|error| error.to_string())?;
-            return Err(format!("still running after {} s", PATIENCE.as_secs()));
-        }
-        std::thread::sleep(Duration::from_millis(10));
-    }
-    child.wait_with_output().map_err(|error| error.to_string())
+    let mut command = Command::new(program);
+    command.args(["render", "--size", "160x128", "--max-samples", "4000", "-o"]).args([picture, model]);
+    watched(&mut command)
 }

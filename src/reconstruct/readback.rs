@@ -1,0 +1,75 @@
+//! Pictures on their way to the host: a ring of staging buffers, so that the next frame need not wait for them.
+
+use std::sync::{Arc, Mutex, PoisonError};
+
+use crate::error::Result;
+use crate::gpu::{Commands, Gpu, Image, ReadbackBuffer, ReadbackChoice};
+use crate::report::image::FloatImage;
+
+/// Buffers that nobody reads at the moment.
+type Free = Arc<Mutex<Vec<ReadbackBuffer>>>;
+
+/// Staging buffers that go round between who draws pictures and who reads them.
+pub struct PictureRing {
+    gpu: Arc<Gpu>,
+    commands: Commands,
+    free: Free,
+}
+
+/// A picture that the device may still be copying.
+pub struct PendingImage {
+    width: u32,
+    height: u32,
+    staging: ReadbackBuffer,
+    home: Free,
+}
+
+impl PictureRing {
+    /// A ring without buffers: there will be as many as pictures are under way at a time.
+    ///
+    /// # Errors
+    /// No memory left.
+    pub fn new(gpu: &Arc<Gpu>) -> Result<Self> {
+        Ok(Self { gpu: gpu.clone(), commands: Commands::new(gpu, "picture", 0)?, free: Free::default() })
+    }
+
+    /// Starts to copy `color`, four halves a pixel, once what was submitted before is done; waits for nothing but the
+    /// copy before.
+    ///
+    /// # Errors
+    /// No memory left; a lost device.
+    pub fn start(&mut self, color: &Image) -> Result<PendingImage> {
+        let free = self.free.lock().unwrap_or_else(PoisonError::into_inner).pop();
+        let mut staging = match free.filter(|staging| staging.size() >= color.bytes()) {
+            Some(staging) => staging,
+            None => ReadbackBuffer::new(&self.gpu, "picture staging", color.bytes(), ReadbackChoice::Best)?,
+        };
+        let mut recording = self.commands.begin()?;
+        recording.read_image(color, &mut staging);
+        let _ = recording.submit()?; // reading waits for it
+        Ok(PendingImage { width: color.width(), height: color.height(), staging, home: self.free.clone() })
+    }
+}
+
+impl PendingImage {
+    /// Waits for the copy; the image, linear. The staging buffer goes back to its ring.
+    ///
+    /// # Errors
+    /// A lost device.
+    pub fn finish(mut self) -> Result<FloatImage> {
+        let (width, height) = (self.width, self.height);
+        let image = linear(&mut self.staging, width, height)?;
+        self.home.lock().unwrap_or_else(PoisonError::into_inner).push(self.staging);
+        Ok(image)
+    }
+}
+
+/// The image of four halves a pixel that was copied to `staging`.
+///
+/// # Errors
+/// A lost device.
+pub fn linear(staging: &mut ReadbackBuffer, width: u32, height: u32) -> Result<FloatImage> {
+    let halves: &[[half::f16; 4]] = staging.read(width as usize * height as usize)?;
+    let pixels = halves.iter().map(|p| [p[0].to_f32(), p[1].to_f32(), p[2].to_f32()]).collect();
+    Ok(FloatImage { width, height, pixels })
+}
