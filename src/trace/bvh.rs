@@ -63,9 +63,7 @@ pub struct Tracer<'s> {
 
 /// What a [`Tracer`] builds of faces and materials, without the scene that they are of.
 pub struct Hierarchy {
-    bvh: Bvh2,
-    triangles: Vec<Triangle>,
-    faces: Vec<u32>,
+    bvh: Bvh4,
     masked: bool,
     records: Vec<Record>,
 }
@@ -95,14 +93,14 @@ impl<'s> Tracer<'s> {
     /// The tracer of `scene`, whose faces, objects and materials are those that `hierarchy` was built of; its lights
     /// may be others.
     pub fn with(scene: &'s Scene, hierarchy: Hierarchy) -> Self {
-        let Hierarchy { bvh, triangles, faces, masked, records } = hierarchy;
-        Self { scene, bvh, triangles, faces, masked, records }
+        let Hierarchy { bvh, masked, records } = hierarchy;
+        Self { scene, bvh, masked, records }
     }
 
     /// What was built, for another tracer.
     pub fn into_hierarchy(self) -> Hierarchy {
-        let Self { bvh, triangles, faces, masked, records, .. } = self;
-        Hierarchy { bvh, triangles, faces, masked, records }
+        let Self { bvh, masked, records, .. } = self;
+        Hierarchy { bvh, masked, records }
     }
 
     /// The scene that is traced.
