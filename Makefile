@@ -4,7 +4,7 @@
 # make samples samples against error, measured here: out/samples.md; SCENES='a.glb b.glb' adds files
 # make test    the whole suite, as CI runs it
 # make test-models DIR=folder   renders a folder of models, release and debug, and holds them against its
-#              manifest.json, 10 seconds and 3 GB each
+#              manifest.json, 3 GB and, what is broken, 10 seconds each
 # make setup   installs what building needs (libraries by apt-get; nothing if all is there)
 
 .PHONY: demo figures bench samples test test-models setup setup-tests

@@ -477,8 +477,7 @@ impl Job<'_> {
 
         let time = Instant::now();
         let Refiner { mesh, pixel_faces, .. } = &refiner;
-        let (traced_pixels, pixel_rays) =
-            pixels::trace(&context, mesh, shown, pixel_faces, traced_before.as_deref_mut());
+        let (traced_pixels, pixel_rays) = pixels::trace(&context, mesh, shown, pixel_faces, traced_before);
         let pixels_ms = ms(time);
         stats.time_ms.trace = refiner.samples.time.as_secs_f64() * 1e3 + pixels_ms;
 

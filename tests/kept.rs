@@ -105,7 +105,8 @@ fn samples_that_no_longer_hold_are_forgotten() {
     let mut scene = Demo::CupAndGlass.scene();
     let first = options(&scene);
     let mut kept = begin(&gpu, &scene, &first, PLENTY).1;
-    let changes: [(&str, fn(&mut Options)); 4] = [
+    type Change = (&'static str, fn(&mut Options));
+    let changes: [Change; 4] = [
         ("depth", |o| o.paths.depth = 2),
         ("shadows", |o| o.scene.shadows = Shadows::None),
         ("fresnel", |o| o.scene.fresnel = true),
@@ -123,14 +124,14 @@ fn samples_that_no_longer_hold_are_forgotten() {
         assert_same(&frame, &gpu.render(&scene, &options), what);
     }
     // A light that moves takes the samples with it, and leaves hierarchy and textures.
-    let bvh_ms = go_on(&gpu, kept, &scene, &first);
-    let before = bvh_ms.0.stats.time_ms.bvh;
+    let (frame, kept) = go_on(&gpu, kept, &scene, &first);
+    let before = frame.stats.time_ms.bvh;
     let position = scene.lights.iter_mut().find_map(|light| match &mut light.kind {
         LightKind::Point { position, .. } | LightKind::Spot { position, .. } => Some(position),
         LightKind::Directional { .. } => None,
     });
     position.expect("a lamp").y += 0.2;
-    let (frame, _) = go_on(&gpu, bvh_ms.1, &scene, &first);
+    let (frame, _) = go_on(&gpu, kept, &scene, &first);
     assert_eq!(frame.stats.reused, 0, "a light moved");
     assert_eq!(frame.stats.time_ms.bvh, before, "the hierarchy was not built again");
     assert_same(&frame, &gpu.render(&scene, &first), "a light moved");

@@ -11,10 +11,14 @@ use std::{
     fs,
     path::{Path, PathBuf},
     process::{Command, ExitCode},
+    time::Duration,
 };
 
 use serde_json::Value;
-use watch::{Watched, watched};
+use watch::{MOST_TIME, Watched, watched};
+
+/// Longest time for a picture of a sound model, which a busy machine may need.
+const PATIENCE: Duration = Duration::from_secs(60);
 
 fn main() -> ExitCode {
     let Some(folder) = std::env::args_os().nth(1).map(PathBuf::from) else {
@@ -55,7 +59,7 @@ fn manifest(folder: &Path) -> Result<Vec<(String, String)>, String> {
 }
 
 fn check(model: &Path, expected: &str, picture: &Path) -> Result<String, String> {
-    let Watched { code, stderr, seconds, bytes } = render(model, picture)?;
+    let Watched { code, stderr, seconds, bytes } = render(model, expected, picture)?;
     let lines: Vec<&str> = stderr.lines().collect();
     let cost = format!("{seconds:.1} s, {} MiB", bytes >> 20);
     match (code, expected) {
@@ -82,11 +86,11 @@ fn check(model: &Path, expected: &str, picture: &Path) -> Result<String, String>
     }
 }
 
-fn render(model: &Path, picture: &Path) -> Result<Watched, String> {
+fn render(model: &Path, expected: &str, picture: &Path) -> Result<Watched, String> {
     // Examples are built into a folder below the programs'.
     let own = std::env::current_exe().map_err(|error| error.to_string())?;
     let program = own.parent().and_then(Path::parent).map(|folder| folder.join("vtrace")).unwrap_or_default();
     let mut command = Command::new(program);
     command.args(["render", "--size", "160x128", "--max-samples", "4000", "-o"]).args([picture, model]);
-    watched(&mut command)
+    watched(&mut command, if expected == "ok" { PATIENCE } else { MOST_TIME })
 }

@@ -8,8 +8,8 @@ use std::{
     time::{Duration, Instant},
 };
 
-/// Longest time that a file may take, whatever is in it.
-const MOST_TIME: Duration = Duration::from_secs(10);
+/// Longest time that a broken file may take, whatever is in it.
+pub const MOST_TIME: Duration = Duration::from_secs(10);
 /// Most memory, in bytes, that a file may take at once.
 const MOST_BYTES: u64 = 3_000_000_000;
 
@@ -26,11 +26,11 @@ pub struct Watched {
     pub bytes: u64,
 }
 
-/// Runs `command` to its end, and no further than the limits.
+/// Runs `command` to its end, and no further than `most_time` and 3 GB.
 ///
 /// # Errors
 /// Which limit it passed, or why it could not be started.
-pub fn watched(command: &mut Command) -> Result<Watched, String> {
+pub fn watched(command: &mut Command, most_time: Duration) -> Result<Watched, String> {
     let program = command.get_program().to_string_lossy().into_owned();
     let started = Instant::now();
     let mut child = command
@@ -55,7 +55,7 @@ pub fn watched(command: &mut Command) -> Result<Watched, String> {
         let passed = if bytes > MOST_BYTES {
             Some(format!("holds {} MiB", bytes >> 20))
         } else {
-            (started.elapsed() > MOST_TIME).then(|| format!("still running after {} s", MOST_TIME.as_secs()))
+            (started.elapsed() > most_time).then(|| format!("still running after {} s", most_time.as_secs()))
         };
         if let Some(passed) = passed {
             child.kill().and_then(|()| child.wait()).map_err(|error| error.to_string())?;

@@ -159,12 +159,12 @@ impl Plan {
         feature(
             used.shaded,
             FEATURE_NORMALS,
-            "normals of vertices",
+            "vertex normals",
             "all objects are unlit, and none is specular",
         );
         for (set, bit, what) in [
-            (0, FEATURE_FIRST_UV, "texture coordinates of vertices"),
-            (1, FEATURE_SECOND_UV, "second texture coordinates of vertices"),
+            (0, FEATURE_FIRST_UV, "first texture coordinates"),
+            (1, FEATURE_SECOND_UV, "second texture coordinates"),
         ] {
             feature(
                 used.uv_sets >> set & 1 == 1,
@@ -183,7 +183,7 @@ impl Plan {
         feature(
             !scene.geometry.colors.is_empty(),
             FEATURE_VERTEX_COLORS,
-            "colours of vertices",
+            "vertex colours",
             "no mesh has any",
         );
         feature(used.masked, FEATURE_ALPHA_TEST, "alpha test", "no material in use has alpha mode MASK");

@@ -50,7 +50,7 @@ pub const SLOTS: [&str; 7] = [
     "base colour texture",
     "emission texture",
     "metalness and roughness texture",
-    "normal map, tangents of vertices",
+    "normal map, tangents",
     "highlight strength texture",
     "highlight colour texture",
     "transmission texture",

@@ -64,7 +64,7 @@ mod tests {
         fs::write(&texture, "b").unwrap();
         let start = Instant::now();
         let mut watch = Watch::new(&scene, start);
-        watch.beside(&[texture.clone()]);
+        watch.beside(std::slice::from_ref(&texture));
         let later = SystemTime::now() + Duration::from_secs(9);
         File::options().write(true).open(&texture).unwrap().set_modified(later).unwrap();
         assert_eq!(watch.look(start), (false, start + POLL), "not yet");

@@ -228,7 +228,10 @@ fn event_loop() -> Result<EventLoop<Update>> {
     let said = Arc::new(Mutex::new(String::new()));
     let (usual, hears) = (panic::take_hook(), said.clone());
     panic::set_hook(Box::new(move |info| {
-        let text = info.payload_as_str().unwrap_or_default().replace('\n', " ");
+        let payload = info.payload();
+        let text =
+            payload.downcast_ref::<String>().map(String::as_str).or(payload.downcast_ref::<&str>().copied());
+        let text = text.unwrap_or_default().replace('\n', " ");
         *hears.lock().unwrap_or_else(PoisonError::into_inner) = text;
     }));
     let built = panic::catch_unwind(|| EventLoop::<Update>::with_user_event().build());

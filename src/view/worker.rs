@@ -148,7 +148,11 @@ impl Worker {
         renderer.set_interrupt(self.mailbox.interrupt.clone());
         if first {
             renderer.keep_samples(SAMPLE_BYTES);
-            renderer.warm_up(&wanted.options.view.resolve(scene)?)?;
+            match renderer.warm_up(&wanted.options.view.resolve(scene)?) {
+                // Something newer is wanted: what is drawn first will be slower.
+                Ok(_) | Err(Error::Interrupted) => {}
+                Err(error) => return Err(error),
+            }
         }
         Ok(Artist { worker: self, renderer, scene, tracer: OnceCell::new(), pace: *pace })
     }

@@ -69,7 +69,7 @@ pub fn svg(rows: &[Row]) -> Result<String, Box<dyn std::error::Error + Send + Sy
         }
         chart
             .configure_series_labels()
-            .position(SeriesLabelPosition::UpperLeft)
+            .position(SeriesLabelPosition::LowerLeft)
             .background_style(WHITE.mix(0.8))
             .border_style(BLACK)
             .draw()?;

@@ -62,7 +62,8 @@ pub(super) const CASES: &[Case] = &[
         name: "layers",
         parameter: "1/gap",
         values: &[1e3, 1e4, 1e5, 1e6],
-        bound: Bound { reference: 0.004, truth: 0.006 },
+        // At 320x240 the reflected card lacks a corner of 8 pixels, which lies between all samples.
+        bound: Bound::both(0.006),
         limit: None,
         experiment: Experiment::Picture(|inverse| {
             let gap = 1.0 / inverse as f32;
