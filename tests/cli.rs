@@ -82,6 +82,7 @@ fn wrong_usage_exits_2() {
         (&["reference", "s.glb", "-o", "x.png", "--fov", "180"], "between 0 and 180 degrees"),
         (&["reference", "s.glb", "-o", "x.png", "--shadows", "some"], "[possible values: all, vt, none]"),
         (&["reference", "s.glb", "-o", "x.png", "--spp", "0"], "0 is not in 1..=65536"),
+        (&["reference", "s.glb", "-o", "x.png", "--ray-offset=-1"], "0 or more"),
         (&["reference", "s.glb", "-o", "x.png", "--target", "0,0,0"], "--eye <X,Y,Z>"),
         (&["reference", "s.glb", "-o", "x.png", "--eye", "0,0,0", "--camera", "a"], "cannot be used with"),
         (
@@ -220,6 +221,12 @@ fn reference_writes_image_and_stats() {
     assert!(text(&output.stdout).contains("image    64x48"), "{}", text(&output.stdout));
     let file: serde_json::Value = serde_json::from_slice(&fs::read(place.path("s.json")).unwrap()).unwrap();
     assert_eq!(file["rays"], stats["rays"], "the same rays whatever the number of threads");
+
+    // Half a unit off the mirror, its image is shifted.
+    let output = place.run(&[&small[..], &["-o", "off.pfm", "--ray-offset", "0.5", "--stats", "-"]].concat());
+    let stats: serde_json::Value = serde_json::from_slice(&output.stdout).unwrap();
+    assert_eq!(stats["options"]["ray_offset"], 0.5);
+    assert_ne!(FloatImage::read(&place.path("off.pfm")).unwrap().pixels, image.pixels);
 }
 
 #[test]

@@ -33,6 +33,10 @@ pub struct ReferenceArgs {
     /// Samples per pixel
     #[arg(long, value_name = "N", default_value_t = 1, value_parser = value_parser!(u32).range(1..=65536))]
     spp: u32,
+    /// Start rays this far off every face, as renderers with one constant offset do: to compare with them
+    /// [default: each face's own, from the rounding of its coordinates]
+    #[arg(long, value_name = "UNITS", value_parser = values::non_negative)]
+    ray_offset: Option<f32>,
     #[command(flatten)]
     view: ViewArgs,
     #[command(flatten)]
@@ -52,6 +56,7 @@ impl ReferenceArgs {
             paths: self.paths.options(),
             scene: self.what.options(),
             spp: self.spp,
+            ray_offset: self.ray_offset,
         };
         options.scene.check().map_err(|problem| Failure::conflict("reference", problem))?;
         Ok(options)
@@ -70,7 +75,10 @@ pub(super) fn run(args: &ReferenceArgs) -> Result<(), Failure> {
     let load = milliseconds(start);
 
     let start = Instant::now();
-    let tracer = Tracer::new(&scene);
+    let mut tracer = Tracer::new(&scene);
+    if let Some(offset) = options.ray_offset {
+        tracer.set_offset(offset);
+    }
     let bvh = milliseconds(start);
 
     let settings = Settings::new(&options.paths, &options.scene);

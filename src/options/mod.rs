@@ -55,6 +55,8 @@ pub struct ReferenceOptions {
     pub scene: SceneOptions,
     /// Samples per pixel, at least 1.
     pub spp: u32,
+    /// How far rays start off every face, in world units; `None`: as far as its position and size ask for.
+    pub ray_offset: Option<f32>,
 }
 
 /// How the image is put together.

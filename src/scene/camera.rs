@@ -136,6 +136,7 @@ impl View {
     }
 
     /// Origin and unit direction of the ray through the image point `pixel`.
+    #[inline]
     pub fn ray(&self, pixel: Vec2) -> (Vec3, Vec3) {
         let x = (2.0 * pixel.x / self.width as f32 - 1.0) * self.half.x;
         let y = (1.0 - 2.0 * pixel.y / self.height as f32) * self.half.y;

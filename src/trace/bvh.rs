@@ -1,34 +1,33 @@
-//! Closest hits and occlusion: a watertight triangle test inside an obvhs BVH.
+//! Closest hits and occlusion among the faces of a scene.
 
 use std::time::Duration;
 
-use glam::{Vec3, Vec3A, Vec3Swizzles};
+use glam::{Vec3, Vec3A};
 use obvhs::{
     BvhBuildParams,
     aabb::Aabb,
     bvh2::{Bvh2, builder::build_bvh2},
-    ray::{Ray, RayHit},
 };
 
 use super::{
+    quad::{Crossing, Probe},
     surface::{self, Record},
     texel,
+    wide::{BoxProbe, Bvh4},
 };
 use crate::scene::{AlphaMode, Scene};
 
 /// Rays end this fraction of the distance short of a light, so that a light on a surface is seen.
 const SHADOW_END: f32 = 1e-4;
 
-/// How the BVH is built over `faces` faces.
+/// How the BVH is built over `faces` faces: a face a leaf, since its collapse makes wider ones.
 ///
-/// Two triangles a leaf, since a triangle test costs about as much as a box test. Reinsertion repairs the
-/// greedy build: all nodes of a small scene, where it pays back within a frame, and as many of a large one
-/// as keep the time in proportion.
+/// Reinsertion repairs the greedy build: all nodes of a small scene, where it pays back within a frame, and as
+/// many of a large one as keep the time in proportion.
 fn build_params(faces: usize) -> BvhBuildParams {
     BvhBuildParams {
         reinsertion_batch_ratio: (20_000.0 / faces as f32).clamp(0.05, 1.0),
-        max_prims_per_leaf: 2,
-        collapse_traversal_cost: 1.0,
+        max_prims_per_leaf: 1,
         ..BvhBuildParams::medium_build()
     }
 }
@@ -36,9 +35,6 @@ fn build_params(faces: usize) -> BvhBuildParams {
 /// Boxes are wider than their triangles by this fraction of the scene's extent: as much as a box test errs
 /// for a ray from inside the scene, so that it does not lose what the triangle test would find.
 const BOX_PADDING: f32 = 4.0 * f32::EPSILON;
-
-/// Smallest magnitude of a direction's component that is inverted as it is.
-const SMALLEST_COMPONENT: f32 = 1e-15;
 
 /// The nearest surface along a ray.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -59,10 +55,7 @@ pub struct Hit {
 /// cutoff; BLEND is opaque (coverage on camera rays is [`coverage`](super::surface::coverage)).
 pub struct Tracer<'s> {
     scene: &'s Scene,
-    bvh: Bvh2,
-    /// Corners in the order of the BVH's leaves, and the face that each came from.
-    triangles: Vec<Triangle>,
-    faces: Vec<u32>,
+    bvh: Bvh4,
     masked: bool,
     /// In the order of the scene's faces.
     records: Vec<Record>,
@@ -70,9 +63,7 @@ pub struct Tracer<'s> {
 
 /// What a [`Tracer`] builds of faces and materials, without the scene that they are of.
 pub struct Hierarchy {
-    bvh: Bvh2,
-    triangles: Vec<Triangle>,
-    faces: Vec<u32>,
+    bvh: Bvh4,
     masked: bool,
     records: Vec<Record>,
 }
@@ -81,12 +72,11 @@ impl<'s> Tracer<'s> {
     /// Builds the BVH over all faces of `scene`.
     pub fn new(scene: &'s Scene) -> Self {
         let geometry = &scene.geometry;
-        let by_face: Vec<Triangle> =
-            (0..geometry.faces.len() as u32).map(|face| Triangle::new(geometry.corners(face))).collect();
         let (low, high) = scene.bounds();
-        let extent = low.abs().max(high.abs()).max_element();
-        let boxes: Vec<Aabb> = by_face.iter().map(|triangle| triangle.bounds(extent * BOX_PADDING)).collect();
-        let bvh = if boxes.is_empty() {
+        let padding = low.abs().max(high.abs()).max_element() * BOX_PADDING;
+        let boxes: Vec<Aabb> =
+            (0..geometry.faces.len() as u32).map(|face| padded(geometry.corners(face), padding)).collect();
+        let binary = if boxes.is_empty() {
             Bvh2::default()
         } else {
             build_bvh2(&boxes, build_params(boxes.len()), &mut Duration::default())
@@ -94,9 +84,7 @@ impl<'s> Tracer<'s> {
         let masked = scene.materials.iter().any(|material| matches!(material.alpha_mode, AlphaMode::Mask(_)));
         Self {
             scene,
-            triangles: bvh.primitive_indices.iter().map(|&face| by_face[face as usize]).collect(),
-            faces: bvh.primitive_indices.clone(),
-            bvh,
+            bvh: Bvh4::new(&binary, |face| geometry.corners(face)),
             masked,
             records: surface::records(scene),
         }
@@ -105,14 +93,14 @@ impl<'s> Tracer<'s> {
     /// The tracer of `scene`, whose faces, objects and materials are those that `hierarchy` was built of; its lights
     /// may be others.
     pub fn with(scene: &'s Scene, hierarchy: Hierarchy) -> Self {
-        let Hierarchy { bvh, triangles, faces, masked, records } = hierarchy;
-        Self { scene, bvh, triangles, faces, masked, records }
+        let Hierarchy { bvh, masked, records } = hierarchy;
+        Self { scene, bvh, masked, records }
     }
 
     /// What was built, for another tracer.
     pub fn into_hierarchy(self) -> Hierarchy {
-        let Self { bvh, triangles, faces, masked, records, .. } = self;
-        Hierarchy { bvh, triangles, faces, masked, records }
+        let Self { bvh, masked, records, .. } = self;
+        Hierarchy { bvh, masked, records }
     }
 
     /// The scene that is traced.
@@ -175,43 +163,41 @@ impl<'s> Tracer<'s> {
     #[inline(always)]
     fn closest_of<const MASKED: bool>(&self, origin: Vec3, direction: Vec3) -> Option<Hit> {
         let probe = Probe::new(origin, direction);
-        let mut nearest = RayHit::none();
-        let mut weights = Vec3A::ZERO;
-        self.bvh.ray_traverse(ray(origin, direction, f32::INFINITY), &mut nearest, |ray, leaf| {
-            let (t, w) = self.triangles[leaf].intersect(&probe);
-            if t > 0.0 && t < ray.tmax && (!MASKED || self.covers(leaf, w)) {
-                weights = w;
-                t
-            } else {
-                f32::INFINITY
+        let mut nearest = None;
+        self.bvh.traverse(&BoxProbe::new(origin, direction), f32::INFINITY, |quad, mut end| {
+            let Some(crossing) = quad.intersect(&probe, end) else { return Some(end) };
+            for lane in crossing.each() {
+                let hit = crossing.hit(lane, quad);
+                if hit.t < end && (!MASKED || self.covers(&hit)) {
+                    nearest = Some(hit);
+                    end = hit.t;
+                }
             }
+            Some(end)
         });
-        (nearest.t < f32::INFINITY).then(|| Hit {
-            face: self.faces[nearest.primitive_id as usize],
-            t: nearest.t,
-            u: weights.y,
-            v: weights.z,
-        })
+        nearest
     }
 
     #[inline(always)]
     fn occluded_of<const MASKED: bool>(&self, origin: Vec3, direction: Vec3, distance: f32) -> bool {
         let probe = Probe::new(origin, direction);
         let end = distance * (1.0 - SHADOW_END);
-        !self.bvh.ray_traverse_miss(ray(origin, direction, end), |_, leaf| {
-            let (t, w) = self.triangles[leaf].intersect(&probe);
-            if t > 0.0 && t < end && (!MASKED || self.covers(leaf, w)) { t } else { f32::INFINITY }
+        self.bvh.traverse(&BoxProbe::new(origin, direction), end, |quad, end| {
+            let crossing = quad.intersect(&probe, end);
+            let stops = |crossing: Crossing| {
+                !MASKED || crossing.each().any(|lane| self.covers(&crossing.hit(lane, quad)))
+            };
+            (!crossing.is_some_and(stops)).then_some(end)
         })
     }
 
-    /// Whether a MASK material lets the hit with barycentric weights `w` count.
-    fn covers(&self, leaf: usize, w: Vec3A) -> bool {
-        let face = self.faces[leaf];
-        let material = self.scene.face_material(face);
+    /// Whether a MASK material lets a hit count.
+    fn covers(&self, hit: &Hit) -> bool {
+        let material = self.scene.face_material(hit.face);
         let AlphaMode::Mask(cutoff) = material.alpha_mode else { return true };
         let geometry = &self.scene.geometry;
-        let corners = geometry.faces[face as usize];
-        let w = w.to_array();
+        let corners = geometry.faces[hit.face as usize];
+        let w = [1.0 - hit.u - hit.v, hit.u, hit.v];
         let mut alpha = material.base_color.w;
         if !geometry.colors.is_empty() {
             alpha *= corners.iter().zip(w).map(|(&corner, w)| geometry.color(corner).w * w).sum::<f32>();
@@ -224,84 +210,7 @@ impl<'s> Tracer<'s> {
     }
 }
 
-/// The ray as the box tests want it.
-#[inline(always)]
-fn ray(origin: Vec3, direction: Vec3, tmax: f32) -> Ray {
-    let direction = Vec3A::from(direction);
-    // A finite inverse keeps 0 · ∞ out of the box test.
-    let invertible = direction.abs().max(Vec3A::splat(SMALLEST_COMPONENT)).copysign(direction);
-    Ray { origin: origin.into(), direction, inv_direction: invertible.recip(), tmin: 0.0, tmax }
-}
-
-/// A triangle's corners, one coordinate axis a vector, so that its three edges are tested side by side.
-#[derive(Clone, Copy)]
-struct Triangle {
-    axes: [Vec3A; 3],
-}
-
-/// A ray in the sheared space where it runs along the third axis from the origin (Woop, Benthin and Wald
-/// 2013, "Watertight Ray/Triangle Intersection").
-struct Probe {
-    /// The coordinate axes that become the first, second and third; the direction is longest in the third.
-    axes: [usize; 3],
-    origin: [Vec3A; 3],
-    shear: [Vec3A; 2],
-    /// Distance along the ray for a distance of 1 along the third axis.
-    scale: f32,
-}
-
-impl Probe {
-    #[inline(always)]
-    fn new(origin: Vec3, direction: Vec3) -> Self {
-        let size = direction.abs();
-        let (axes, origin, direction) = if size.z >= size.x && size.z >= size.y {
-            ([0, 1, 2], origin, direction)
-        } else if size.y >= size.x {
-            ([2, 0, 1], origin.zxy(), direction.zxy())
-        } else {
-            ([1, 2, 0], origin.yzx(), direction.yzx())
-        };
-        let inverse = direction.z.recip();
-        Self {
-            axes,
-            origin: origin.to_array().map(Vec3A::splat),
-            shear: [Vec3A::splat(direction.x * inverse), Vec3A::splat(direction.y * inverse)],
-            scale: inverse,
-        }
-    }
-}
-
-impl Triangle {
-    fn new([a, b, c]: [Vec3; 3]) -> Self {
-        Self { axes: std::array::from_fn(|axis| Vec3A::new(a[axis], b[axis], c[axis])) }
-    }
-
-    /// The distance and the barycentric weights of the hit; infinity or NaN for a miss.
-    ///
-    /// A corner is sheared to the same two numbers in every triangle that has it, and the sign of an edge's
-    /// function x·y' − y·x' is never wrong, only ever 0, which counts as inside on both sides: no ray
-    /// slips between triangles at an edge or a corner.
-    #[inline(always)]
-    fn intersect(&self, ray: &Probe) -> (f32, Vec3A) {
-        let [kx, ky, kz] = ray.axes;
-        let z = self.axes[kz] - ray.origin[2];
-        let x = self.axes[kx] - ray.origin[0] - ray.shear[0] * z;
-        let y = self.axes[ky] - ray.origin[1] - ray.shear[1] * z;
-        let edges = x * y.yzx() - y * x.yzx();
-        if edges.cmplt(Vec3A::ZERO).any() && edges.cmpgt(Vec3A::ZERO).any() {
-            return (f32::INFINITY, Vec3A::ZERO);
-        }
-        // Edge i runs from corner i to i + 1 and weighs the corner opposite to it, i + 2.
-        let weights = edges.yzx() / (edges.x + edges.y + edges.z);
-        (weights.dot(z) * ray.scale, weights)
-    }
-
-    /// The box around the corners, `padding` wider on all sides.
-    fn bounds(&self, padding: f32) -> Aabb {
-        let [x, y, z] = self.axes;
-        Aabb {
-            min: Vec3A::new(x.min_element(), y.min_element(), z.min_element()) - padding,
-            max: Vec3A::new(x.max_element(), y.max_element(), z.max_element()) + padding,
-        }
-    }
+/// The box around a face's corners, `padding` wider on all sides.
+fn padded([a, b, c]: [Vec3; 3], padding: f32) -> Aabb {
+    Aabb { min: Vec3A::from(a.min(b).min(c) - padding), max: Vec3A::from(a.max(b).max(c) + padding) }
 }

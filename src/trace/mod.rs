@@ -3,11 +3,13 @@
 
 pub mod bvh;
 pub mod optics;
+mod quad;
 pub mod reference;
 pub mod sample;
 pub mod shade;
 pub mod surface;
 pub mod texel;
+mod wide;
 
 use std::ops::AddAssign;
 

@@ -11,8 +11,8 @@ use super::{Appearance, Rays, Settings, Surface, Tracer, shade, surface};
 use crate::error::{Error, Result};
 use crate::scene::View;
 
-/// Side of the squares of pixels that threads take turns at.
-const TILE: u32 = 16;
+/// Side of the squares of pixels that are traced together, and the height of the bands that threads take turns at.
+const TILE: u32 = 8;
 
 /// BLEND surfaces that one camera ray passes before the next counts as opaque.
 const MAX_LAYERS: u32 = 64;
@@ -57,38 +57,34 @@ pub fn render(
         settings.min_throughput = 0.0;
     }
     let wanted = |pixel: usize| only.is_none_or(|only| only[pixel]);
-    let (columns, rows) = (view.width.div_ceil(TILE), view.height.div_ceil(TILE));
-    let finished = AtomicUsize::new(0);
-    let tiles: Vec<Tile> = (0..columns * rows)
-        .into_par_iter()
-        .map(|tile| {
-            let mut path = Path::new(tracer, &settings);
-            let mut pixels = Vec::with_capacity((TILE * TILE) as usize);
-            if !interrupt.load(Ordering::Relaxed) {
-                for (x, y) in tile_pixels(tile, columns, view) {
-                    let index = (y * view.width + x) as usize;
-                    if wanted(index) {
-                        pixels.push((index, path.pixel(view, &pattern, x, y), path.first_is_vt));
-                    }
-                }
-                let finished = finished.fetch_add(1, Ordering::Relaxed) + 1;
-                progress(finished as f32 / (columns * rows) as f32);
-            }
-            Tile { pixels, rays: path.rays }
-        })
-        .collect();
-    if interrupt.load(Ordering::Relaxed) {
-        return Err(Error::Interrupted);
-    }
     let mut image = vec![[0.0; 3]; view.pixels()];
     let mut centres = vec![false; view.pixels()];
-    let mut rays = Rays::default();
-    for tile in &tiles {
-        rays += tile.rays;
-        for &(pixel, radiance, vt) in &tile.pixels {
-            image[pixel] = radiance.to_array();
-            centres[pixel] = vt;
+    let band = (view.width * TILE) as usize;
+    let bands = image.par_chunks_mut(band).zip(centres.par_chunks_mut(band));
+    let (finished, count) = (AtomicUsize::new(0), view.height.div_ceil(TILE));
+    // Straight into the image, since lists of pixels on the way would be new memory in every frame.
+    let rays = bands.enumerate().map(|(index, (image, centres))| {
+        let mut path = Path::new(tracer, &settings);
+        for (x, row) in band_pixels(view.width, image.len() as u32 / view.width) {
+            if x % TILE == 0 && row == 0 && interrupt.load(Ordering::Relaxed) {
+                break;
+            }
+            let (here, y) = ((row * view.width + x) as usize, index as u32 * TILE + row);
+            if wanted((y * view.width + x) as usize) {
+                image[here] = path.pixel(view, &pattern, x, y).to_array();
+                centres[here] = path.first_is_vt;
+            }
         }
+        let finished = finished.fetch_add(1, Ordering::Relaxed) + 1;
+        progress(finished as f32 / count as f32);
+        path.rays
+    });
+    let rays = rays.reduce(Rays::default, |mut sum, rays| {
+        sum += rays;
+        sum
+    });
+    if interrupt.load(Ordering::Relaxed) {
+        return Err(Error::Interrupted);
     }
     let time_ms = start.elapsed().as_secs_f64() * 1e3;
     // One sample a pixel lies at its centre and has found the first surface there.
@@ -117,16 +113,11 @@ pub fn radiance(tracer: &Tracer, settings: &Settings, origin: Vec3, direction: V
     (radiance, path.rays)
 }
 
-struct Tile {
-    /// Index, radiance, and whether a VT object is first seen.
-    pixels: Vec<(usize, Vec3, bool)>,
-    rays: Rays,
-}
-
-fn tile_pixels(tile: u32, columns: u32, view: &View) -> impl Iterator<Item = (u32, u32)> + use<> {
-    let (left, top) = (tile % columns * TILE, tile / columns * TILE);
-    let (right, bottom) = ((left + TILE).min(view.width), (top + TILE).min(view.height));
-    (top..bottom).flat_map(move |y| (left..right).map(move |x| (x, y)))
+/// Column and row of the pixels in a band of `height` rows, tile by tile: neighbouring rays share the cache.
+fn band_pixels(width: u32, height: u32) -> impl Iterator<Item = (u32, u32)> {
+    (0..width).step_by(TILE as usize).flat_map(move |left| {
+        (0..height).flat_map(move |row| (left..(left + TILE).min(width)).map(move |x| (x, row)))
+    })
 }
 
 /// Positions inside the unit square.
