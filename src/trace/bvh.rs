@@ -144,20 +144,8 @@ impl<'s> Tracer<'s> {
 
     /// Whether `accepts` any of the faces in boxes that `meets` says are worth opening; `meets` is given the lower and
     /// the upper corner of a box.
-    pub fn any_face(&self, meets: impl Fn(Vec3, Vec3) -> bool, mut accepts: impl FnMut(u32) -> bool) -> bool {
-        let mut open = if self.bvh.nodes.is_empty() { Vec::new() } else { vec![0] };
-        while let Some(index) = open.pop() {
-            let node = &self.bvh.nodes[index as usize];
-            if !meets(node.aabb.min.into(), node.aabb.max.into()) {
-                continue;
-            }
-            if !node.is_leaf() {
-                open.extend([node.first_index, node.first_index + 1]);
-            } else if (0..node.prim_count).any(|i| accepts(self.faces[(node.first_index + i) as usize])) {
-                return true;
-            }
-        }
-        false
+    pub fn any_face(&self, meets: impl Fn(Vec3, Vec3) -> bool, accepts: impl FnMut(u32) -> bool) -> bool {
+        self.bvh.any_face(meets, accepts)
     }
 
     #[inline(always)]

@@ -73,11 +73,10 @@ impl Quad {
         quad
     }
 
-    /// Number of triangles.
-    #[cfg(test)]
-    pub fn len(&self) -> usize {
-        let x = self.corners[0][0];
-        x.cmpeq(x).bitmask().count_ones() as usize
+    /// The scene's faces that it holds.
+    pub fn faces(&self) -> impl Iterator<Item = u32> {
+        let held = !self.corners[0][0].is_nan_mask();
+        (0..LANES).filter(move |&lane| held.test(lane)).map(|lane| self.faces[lane])
     }
 
     /// Hits between 0 and `end`, both excluded; `None` without any.

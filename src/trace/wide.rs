@@ -70,6 +70,13 @@ impl Node {
         self.children[lane] = child;
     }
 
+    /// The boxes that have something in them.
+    fn boxes(&self) -> impl Iterator<Item = (Vec3, Vec3, Child)> {
+        let corner = |lane: usize, side: usize| Vec3::from(self.bounds.map(|axis| axis[side][lane]));
+        let boxes = (0..LANES).map(move |lane| (corner(lane, 0), corner(lane, 1), self.children[lane]));
+        boxes.filter(|(low, high, _)| low.cmple(*high).all())
+    }
+
     /// Distances at which the ray enters the four boxes, and a bit for each that it enters before `end`.
     #[inline(always)]
     fn enter(&self, ray: &BoxProbe, end: f32) -> ([f32; LANES], u32) {
@@ -166,6 +173,24 @@ impl Bvh4 {
             }
         }
         wide
+    }
+
+    /// Whether `accepts` any of the faces in boxes that `meets`, given lower and upper corner, says are worth opening.
+    pub fn any_face(&self, meets: impl Fn(Vec3, Vec3) -> bool, mut accepts: impl FnMut(u32) -> bool) -> bool {
+        let mut open = vec![0];
+        while let Some(node) = open.pop() {
+            for (low, high, child) in self.nodes[node].boxes() {
+                if !meets(low, high) {
+                    continue;
+                }
+                if !child.is_quad() {
+                    open.push(child.index());
+                } else if self.quads[child.index()].faces().any(&mut accepts) {
+                    return true;
+                }
+            }
+        }
+        false
     }
 
     /// Calls `visit` with the quads whose boxes the ray enters before `end`, roughly in that order, and goes on
@@ -387,7 +412,7 @@ mod tests {
                 .map(|i| [corner(i), corner(i) + Vec3::X * 0.3, corner(i) + Vec3::Y * 0.3])
                 .collect();
             let tree = tree(&faces);
-            let lanes: usize = tree.quads.iter().map(Quad::len).sum();
+            let lanes: usize = tree.quads.iter().map(|quad| quad.faces().count()).sum();
             assert_eq!(lanes, count);
             assert!(count < 17 || tree.quads.len() * 3 < count * 2, "{} quads", tree.quads.len());
         }
