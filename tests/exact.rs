@@ -282,3 +282,40 @@ fn anti_aliasing_adds_no_ray() {
     }
     gpu.finish();
 }
+
+/// A mirror with a normal map reflects as the reference has it: its pixels are traced.
+#[test]
+fn normal_maps_bend_reflections() {
+    const SIZE: u32 = 32;
+    let mut builder = SceneBuilder::new("ripples");
+    glowing_floor(&mut builder);
+    let texel = |i: u32| {
+        let slope = ((i % SIZE) as f32 * std::f32::consts::TAU / SIZE as f32).sin() * 0.2;
+        let n = vec3(slope, 0.0, 1.0).normalize() * 0.5 + 0.5;
+        [(n.x * 255.0) as u8, (n.y * 255.0) as u8, (n.z * 255.0) as u8, 255]
+    };
+    let rgba: Vec<u8> = (0..SIZE * SIZE).flat_map(texel).collect();
+    let image = Image { name: "ripples".into(), width: SIZE, height: SIZE, rgba: rgba.into() };
+    let slot = builder.sampled_texture(image, Sampler::default(), false);
+    let rippled =
+        builder.material(Material { normal_texture: Some(slot), ..chrome("rippled", Vec3::splat(0.9)) });
+    builder.mesh("mirror", shape::plane(vec3(-3.0, 0.5, -3.0), Vec3::X * 6.0, Vec3::Y * 3.0, 4.0), rippled);
+    builder.camera(Camera::look_at(vec3(0.3, 1.5, 3.0), vec3(0.0, 1.0, -3.0), 0.9));
+    let mut scene = builder.build().unwrap();
+    scene.geometry.tangents = vec![Vec4::X + Vec4::W; scene.geometry.positions.len()];
+
+    let gpu = TestGpu::open();
+    let mut options = options(160, 128);
+    options.scene.shadows = Shadows::None;
+    let truth = traced(&scene, &options, 1, None);
+    let frame = gpu.render(&scene, &options);
+    let error = over_vt(&frame, &options, &truth);
+    assert!(error.psnr.is_none_or(|psnr| psnr > 45.0), "{:?} dB", error.psnr);
+    assert!(frame.stats.samples < truth.rays.primary / 4, "{} vertices", frame.stats.samples);
+    assert!(scene.notes.iter().any(|note| note.contains("rippled") && note.contains("traced one by one")));
+
+    // Flat, the same mirror needs none of it.
+    scene.geometry.tangents.clear();
+    assert!(gpu.render(&scene, &options).stats.rays.pixel < frame.stats.rays.pixel / 2);
+    gpu.finish();
+}

@@ -230,6 +230,10 @@ fn traced_blocks(
         let (width, height) = (columns.len() as u32, rows.len() as u32);
         let colors: Vec<[u32; 2]> = cells()
             .map(|(x, y)| {
+                let index = y * view.width + x;
+                if let Some(pixel) = by_pixel.get(&index).filter(|pixel| pixel.face == face) {
+                    return Some(halves(pixel.radiance));
+                }
                 let usable = near.iter().filter(|(u, v, pixel)| {
                     !own || pixel.face == face || ((*u, *v) == (x, y) && base_of(pixel.face) == base_of(face))
                 });

@@ -32,6 +32,9 @@ use crate::trace::sample::Context;
 /// Longest edge, in pixels, at which a face is no longer bisected but its pixels are traced.
 pub const STOP_SIZE: f32 = 4.0;
 
+/// The same for faces with a normal map, whose pixels are all traced: fewer, larger ones are less to draw.
+const MAPPED_STOP_SIZE: f32 = 24.0;
+
 /// The same for the paper's reconstruction, which traces no pixels and has nothing but samples: about a pixel.
 pub const PAPER_STOP_SIZE: f32 = 1.5;
 
@@ -100,6 +103,8 @@ pub struct Refiner<'a> {
     store: Option<&'a mut SampleStore>,
     state: Vec<State>,
     queue: BinaryHeap<Entry>,
+    /// By material: whether it has a normal map that pixels can be traced for.
+    mapped: Vec<bool>,
     pixel_budget_used: f32,
     total_pixels: f32,
 }
@@ -152,6 +157,10 @@ impl<'a> Refiner<'a> {
         if let Some(store) = &mut store {
             store.look_from(context.view);
         }
+        let scene = context.tracer.scene();
+        let bends = predictor.reconstruction == Reconstruction::Exact && !scene.geometry.tangents.is_empty();
+        let mapped =
+            scene.materials.iter().map(|material| bends && material.normal_texture.is_some()).collect();
         let mut refiner = Self {
             context,
             predictor,
@@ -164,6 +173,7 @@ impl<'a> Refiner<'a> {
             store,
             state: Vec::new(),
             queue: BinaryHeap::new(),
+            mapped,
             pixel_budget_used: 0.0,
             total_pixels: 0.0,
         };
@@ -230,10 +240,29 @@ impl<'a> Refiner<'a> {
         entered.map(|nodes| self.predictor.square(nodes[0])).sum()
     }
 
-    /// Whether the face is visible and too large to be trusted.
+    /// Whether the face is visible and its samples say too little of it: it is too large, or a normal map bends what it
+    /// reflects and its pixels are not traced.
     fn is_blind(&self, face: u32) -> bool {
-        let State { pixels, size, .. } = self.state[face as usize];
-        pixels > 0.0 && size > BLIND * self.context.view.height.max(self.context.view.width) as f32
+        let State { pixels, size, traced, .. } = self.state[face as usize];
+        let large = size > BLIND * self.context.view.height.max(self.context.view.width) as f32;
+        pixels > 0.0 && (large || (!traced && self.is_mapped(face)))
+    }
+
+    /// Whether a normal map bends what the face reflects.
+    fn is_mapped(&self, face: u32) -> bool {
+        let scene = self.context.tracer.scene();
+        let object = scene.geometry.face_objects[self.mesh.faces[face as usize].base as usize];
+        let object = &scene.objects[object as usize];
+        object.vt && self.mapped[object.material as usize]
+    }
+
+    /// Longest edge, in pixels, at which the face is no longer bisected.
+    fn stop_size(&self, face: u32) -> f32 {
+        match self.predictor.reconstruction {
+            Reconstruction::Paper => PAPER_STOP_SIZE,
+            Reconstruction::Exact if self.is_mapped(face) => MAPPED_STOP_SIZE,
+            Reconstruction::Exact => STOP_SIZE,
+        }
     }
 
     /// Samples that count against a budget: vertices, and pixels traced one by one.
@@ -321,15 +350,13 @@ impl<'a> Refiner<'a> {
             if !self.mesh.faces[face as usize].is_leaf() {
                 continue;
             }
-            let State { size, .. } = self.state[face as usize];
-            match self.predictor.reconstruction {
-                Reconstruction::Paper if size <= PAPER_STOP_SIZE => continue,
-                Reconstruction::Exact if size <= STOP_SIZE => {
+            if self.state[face as usize].size <= self.stop_size(face) {
+                // The paper knows no traced pixels: its faces stop here as they are.
+                if self.predictor.reconstruction == Reconstruction::Exact {
                     self.trace_pixels_of(face);
                     left_queue = true;
-                    continue;
                 }
-                _ => {}
+                continue;
             }
             self.mesh.bisect(face, &mut splits);
             popped += 1;

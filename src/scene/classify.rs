@@ -59,7 +59,7 @@ pub fn classify(scene: &mut Scene, rules: &VtRules) -> Result<()> {
         let specular = || scene.objects.iter().any(|object| object.vt && object.material as usize == index);
         if material.normal_texture.is_some() && specular() {
             scene.notes.push(format!(
-                "material {}: what its normal map reflects is followed from its vertices, and blurred between them",
+                "material {}: its normal map bends what it reflects, so that its pixels are traced one by one",
                 material.name
             ));
         }
