@@ -59,7 +59,9 @@ vec3 local_radiance(Material m, vec3 position, vec3 n, vec3 direction, uint mask
         vec3 response = scattered;
         if (highlights) {
             vec3 mirrored = n * (2.0 * cosine) - light.to_light;
-            response += k_s * pow(max(-dot(mirrored, direction), 0.0), exponent);
+            // 0 to the 0 is 1 in the tracer, and undefined here.
+            float lobe = exponent > 0.0 ? pow(max(-dot(mirrored, direction), 0.0), exponent) : 1.0;
+            response += k_s * lobe;
         }
         radiance += light.irradiance * (cosine * light_share(masks, i, weights)) * response;
     }

@@ -319,3 +319,25 @@ fn normal_maps_bend_reflections() {
     assert!(gpu.render(&scene, &options).stats.rays.pixel < frame.stats.rays.pixel / 2);
     gpu.finish();
 }
+
+/// Metal of roughness 1, glTF's default material, scatters evenly: its exponent is 0, also where the mirrored light
+/// points away from the eye.
+#[test]
+fn the_default_material_has_no_edge_where_its_highlight_turns_away() {
+    let mut builder = SceneBuilder::new("rough");
+    let rough = builder.material(Material { metallic: 1.0, roughness: 1.0, ..matte("rough") });
+    builder.mesh("floor", shape::plane(vec3(-4.0, 0.0, 4.0), Vec3::X * 8.0, Vec3::NEG_Z * 8.0, 1.0), rough);
+    builder.point_light(vec3(-3.0, 0.4, 0.0), Vec3::splat(4.0));
+    builder.camera(Camera::look_at(vec3(-3.5, 1.0, 1.0), vec3(0.0, 0.0, 0.0), 0.8));
+    let scene = builder.build().unwrap();
+    let gpu = TestGpu::open();
+    let options = options(96, 80);
+    let error = compare(
+        &image(&options, &traced(&scene, &options, 1, None)),
+        &gpu.render(&scene, &options).image,
+        None,
+        Encoding::Srgb,
+    );
+    assert!(error.unwrap().psnr.is_none_or(|psnr| psnr > 50.0));
+    gpu.finish();
+}

@@ -18,8 +18,8 @@ use vertex_tracing::{
     reconstruct::passes::list_bytes,
     report::metrics::{Encoding, compare},
     scene::{
-        Camera, Sampler, Scene, Unread,
-        demo::{SceneBuilder, chrome, matte, shape, texture},
+        Camera, Material, Sampler, Scene, Unread,
+        demo::{SceneBuilder, chrome, glass, matte, shape, texture},
     },
 };
 
@@ -404,4 +404,22 @@ fn the_last_rung_leaves_nothing_of_the_scene_out() {
     let left: Vec<&str> = everything.left_out.iter().map(|left_out| left_out.what.as_str()).collect();
     let off = ["light from the camera, ambient light", "multisampling", "supersampling"];
     assert_eq!(left, off, "what scene and options switch off, whatever is asked for");
+}
+
+#[test]
+fn a_metal_that_its_texture_makes_glass_in_places_transmits() {
+    let with = |metal_map: bool| {
+        scene_with(|scene| {
+            let slot = scene.texture(texture::brick(16));
+            let pane = scene.material(Material {
+                metallic: 1.0,
+                transmission: 1.0,
+                metallic_roughness_texture: metal_map.then_some(slot),
+                ..glass("pane", 1.5)
+            });
+            scene.mesh("pane", shape::plane(vec3(-0.5, 0.2, 1.0), Vec3::X, Vec3::Y, 1.0), pane);
+        })
+    };
+    assert!(!left_out(&Plan::new(&with(true), &options()), "transmitted texture"));
+    assert!(left_out(&Plan::new(&with(false), &options()), "transmitted texture"));
 }

@@ -91,7 +91,9 @@ impl Used {
         let mut used = Self { textures: vec![false; scene.textures.len()], ..Self::default() };
         for object in scene.objects.iter().filter(|object| !object.faces.is_empty()) {
             let material = &scene.materials[object.material as usize];
-            let transmits = material.transmission > 0.0 && material.metallic < 1.0;
+            // A texture can make a metal a dielectric in places.
+            let all_metal = material.metallic >= 1.0 && material.metallic_roughness_texture.is_none();
+            let transmits = material.transmission > 0.0 && !all_metal;
             used.specular |= object.vt;
             used.lit |= !object.vt && !material.unlit;
             used.shaded |= object.vt || !material.unlit;
