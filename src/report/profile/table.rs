@@ -22,7 +22,7 @@ impl fmt::Display for Profile {
             let (kib, ms) = (copy.bytes.div_ceil(1024), copy.spread.median_ms);
             writeln!(f, "  {kib:>7} KiB in {ms:.3} ms, {:.1} GB/s", copy.rate())?;
         }
-        writeln!(f, "\npromised, least times of turns:")?;
+        writeln!(f, "\nleast times of turns:")?;
         self.bounds.iter().try_for_each(|bound| writeln!(f, "  {bound}"))?;
         writeln!(f, "\nstaging buffers in flight, ID buffer")?;
         for ring in &self.rings {
@@ -60,7 +60,12 @@ impl fmt::Display for Bound {
         write!(f, "{what} {width}x{height}, {triangles} triangles: {:.3} ms, ", self.best_ms)?;
         write!(f, "{against} {:.3} ms: {:.2} times that ", self.against_best_ms, self.ratio)?;
         write!(f, "({:.2} by medians), at most {:.1}: ", self.median_ratio, self.most)?;
-        f.write_str(if self.holds { "kept" } else { "NOT KEPT" })
+        f.write_str(match (self.promised, self.holds) {
+            (true, true) => "kept",
+            (true, false) => "NOT KEPT",
+            (false, true) => "true, though not promised of a software device",
+            (false, false) => "not so, and not promised of a software device",
+        })
     }
 }
 
