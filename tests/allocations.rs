@@ -22,10 +22,13 @@ use vertex_tracing::{
 /// Most bytes that a run allocates: lists of draws, barriers and timings.
 const MOST_BYTES: u64 = 4 << 10;
 
+/// Fewer than the scene would get, so that more of them mean more leaves.
+const MOST_SAMPLES: u64 = 1500;
+
 fn options() -> Options {
     let mut options = Options::default();
-    (options.view.width, options.view.height) = (160, 128);
-    options.effort.max_samples = Some(3000);
+    (options.view.width, options.view.height) = (320, 256);
+    options.effort.max_samples = Some(MOST_SAMPLES);
     options
 }
 
@@ -48,14 +51,16 @@ fn made_since(gpu: &Gpu, before: &BTreeMap<&'static str, u64>) -> Vec<(&'static 
     calls.filter(|&(_, count)| count > 0).collect()
 }
 
-/// Frames of a moved camera and of up to a third more samples.
+/// Frames of a moved camera and of up to a third more samples than the first had.
 fn render_more(renderer: &mut Renderer, scene: &Scene, options: &Options) {
-    for (by, samples) in [(Vec3::ZERO, 3000), (Vec3::new(0.02, 0.01, 0.0), 3400), (Vec3::ZERO, 4000)] {
-        let effort = &options.effort;
-        renderer.set_effort(EffortOptions { max_samples: Some(samples), ..effort.clone() });
-        let frame = renderer.render(&view(scene, options, by)).unwrap();
-        assert!(frame.stats.samples > 1000, "{} samples", frame.stats.samples);
-    }
+    let mut frame = |by, max_samples| {
+        renderer.set_effort(EffortOptions { max_samples: Some(max_samples), ..options.effort.clone() });
+        renderer.render(&view(scene, options, by)).unwrap().stats.samples
+    };
+    let first = frame(Vec3::ZERO, MOST_SAMPLES);
+    frame(Vec3::new(0.02, 0.01, 0.0), MOST_SAMPLES * 9 / 8);
+    let last = frame(Vec3::ZERO, MOST_SAMPLES * 4 / 3);
+    assert!(last > first && first > MOST_SAMPLES / 2, "{first} and {last} samples");
 }
 
 #[test]
