@@ -10,10 +10,11 @@ use obvhs::{
 };
 
 use super::{
+    packet::{EntryPoints, Packet},
     quad::{Crossing, Probe},
     surface::{self, Record},
     texel,
-    wide::{BoxProbe, Bvh4},
+    wide::{BoxProbe, Bvh4, Node},
 };
 use crate::scene::{AlphaMode, Scene};
 
@@ -121,25 +122,40 @@ impl<'s> Tracer<'s> {
         &self.records[face as usize]
     }
 
+    /// Makes `entries` the places where the rays of `packet` have to look.
+    pub(super) fn find_entries(&self, packet: &Packet, entries: &mut EntryPoints) {
+        entries.find(&self.bvh, packet);
+    }
+
     /// The nearest hit from `origin` along the unit vector `direction`.
     #[inline]
     pub fn closest(&self, origin: Vec3, direction: Vec3) -> Option<Hit> {
-        if self.masked {
-            self.closest_of::<true>(origin, direction)
-        } else {
-            self.closest_of::<false>(origin, direction)
-        }
+        self.closest_below(self.bvh.root(), origin, direction)
+    }
+
+    /// [`closest`](Self::closest) for a ray of the packet that `entries` are of.
+    #[inline]
+    pub(super) fn closest_among(&self, entries: &EntryPoints, origin: Vec3, direction: Vec3) -> Option<Hit> {
+        self.closest_below(entries.nodes(), origin, direction)
     }
 
     /// Whether anything lies between `origin` and the point `distance` (may be infinite) away along the
     /// unit vector `direction`.
     #[inline]
     pub fn occluded(&self, origin: Vec3, direction: Vec3, distance: f32) -> bool {
-        if self.masked {
-            self.occluded_of::<true>(origin, direction, distance)
-        } else {
-            self.occluded_of::<false>(origin, direction, distance)
-        }
+        self.occluded_below(self.bvh.root(), origin, direction, distance)
+    }
+
+    /// [`occluded`](Self::occluded) for a ray of the packet that `entries` are of.
+    #[inline]
+    pub(super) fn occluded_among(
+        &self,
+        entries: &EntryPoints,
+        origin: Vec3,
+        direction: Vec3,
+        distance: f32,
+    ) -> bool {
+        !entries.is_empty() && self.occluded_below(entries.nodes(), origin, direction, distance)
     }
 
     /// Whether `accepts` any of the faces in boxes that `meets` says are worth opening; `meets` is given the lower and
@@ -148,15 +164,34 @@ impl<'s> Tracer<'s> {
         self.bvh.any_face(meets, accepts)
     }
 
+    fn closest_below(&self, entries: &[Node], origin: Vec3, direction: Vec3) -> Option<Hit> {
+        if self.masked {
+            self.closest_of::<true>(entries, origin, direction)
+        } else {
+            self.closest_of::<false>(entries, origin, direction)
+        }
+    }
+
+    fn occluded_below(&self, entries: &[Node], origin: Vec3, direction: Vec3, distance: f32) -> bool {
+        if self.masked {
+            self.occluded_of::<true>(entries, origin, direction, distance)
+        } else {
+            self.occluded_of::<false>(entries, origin, direction, distance)
+        }
+    }
+
     #[inline(always)]
-    fn closest_of<const MASKED: bool>(&self, origin: Vec3, direction: Vec3) -> Option<Hit> {
+    fn closest_of<const MASKED: bool>(&self, entries: &[Node], origin: Vec3, direction: Vec3) -> Option<Hit> {
         let probe = Probe::new(origin, direction);
-        let mut nearest = None;
-        self.bvh.traverse(&BoxProbe::new(origin, direction), f32::INFINITY, |quad, mut end| {
-            let Some(crossing) = quad.intersect(&probe, end) else { return Some(end) };
+        let mut nearest: Option<Hit> = None;
+        self.bvh.traverse(entries, &BoxProbe::new(origin, direction), f32::INFINITY, |quad, mut end| {
+            let Some(crossing) = quad.intersect(&probe, end.next_up()) else { return Some(end) };
             for lane in crossing.each() {
                 let hit = crossing.hit(lane, quad);
-                if hit.t < end && (!MASKED || self.covers(&hit)) {
+                // Of equally near faces the first, in whatever order they come.
+                let nearer =
+                    hit.t < end || hit.t == end && nearest.is_some_and(|other| hit.face < other.face);
+                if nearer && (!MASKED || self.covers(&hit)) {
                     nearest = Some(hit);
                     end = hit.t;
                 }
@@ -167,10 +202,16 @@ impl<'s> Tracer<'s> {
     }
 
     #[inline(always)]
-    fn occluded_of<const MASKED: bool>(&self, origin: Vec3, direction: Vec3, distance: f32) -> bool {
+    fn occluded_of<const MASKED: bool>(
+        &self,
+        entries: &[Node],
+        origin: Vec3,
+        direction: Vec3,
+        distance: f32,
+    ) -> bool {
         let probe = Probe::new(origin, direction);
         let end = distance * (1.0 - SHADOW_END);
-        self.bvh.traverse(&BoxProbe::new(origin, direction), end, |quad, end| {
+        self.bvh.traverse(entries, &BoxProbe::new(origin, direction), end, |quad, end| {
             let crossing = quad.intersect(&probe, end);
             let stops = |crossing: Crossing| {
                 !MASKED || crossing.each().any(|lane| self.covers(&crossing.hit(lane, quad)))
