@@ -58,6 +58,7 @@ pub struct Tracer<'s> {
     scene: &'s Scene,
     bvh: Bvh4,
     masked: bool,
+    diagonal: f32,
     /// In the order of the scene's faces.
     records: Vec<Record>,
 }
@@ -66,6 +67,7 @@ pub struct Tracer<'s> {
 pub struct Hierarchy {
     bvh: Bvh4,
     masked: bool,
+    diagonal: f32,
     records: Vec<Record>,
 }
 
@@ -87,6 +89,7 @@ impl<'s> Tracer<'s> {
             scene,
             bvh: Bvh4::new(&binary, |face| geometry.corners(face)),
             masked,
+            diagonal: (high - low).length(),
             records: surface::records(scene),
         }
     }
@@ -94,19 +97,24 @@ impl<'s> Tracer<'s> {
     /// The tracer of `scene`, whose faces, objects and materials are those that `hierarchy` was built of; its lights
     /// may be others.
     pub fn with(scene: &'s Scene, hierarchy: Hierarchy) -> Self {
-        let Hierarchy { bvh, masked, records } = hierarchy;
-        Self { scene, bvh, masked, records }
+        let Hierarchy { bvh, masked, diagonal, records } = hierarchy;
+        Self { scene, bvh, masked, diagonal, records }
     }
 
     /// What was built, for another tracer.
     pub fn into_hierarchy(self) -> Hierarchy {
-        let Self { bvh, masked, records, .. } = self;
-        Hierarchy { bvh, masked, records }
+        let Self { bvh, masked, diagonal, records, .. } = self;
+        Hierarchy { bvh, masked, diagonal, records }
     }
 
     /// The scene that is traced.
     pub fn scene(&self) -> &'s Scene {
         self.scene
+    }
+
+    /// The diagonal of the box around all faces: nothing that a ray from a face hits is farther away.
+    pub fn diagonal(&self) -> f32 {
+        self.diagonal
     }
 
     /// Lets rays start `distance` off every face instead of what its position and size ask for: made to
