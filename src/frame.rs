@@ -23,7 +23,8 @@ use crate::reconstruct::show::{self, FrameData, LeafKind, Overlay};
 use crate::reconstruct::supersample;
 use crate::reconstruct::vertex::VertexLayout;
 use crate::refine::mesh::Mesh;
-use crate::refine::pixels::{Shown, TracedPixel};
+use crate::refine::per_pixel::{self, TracedPixel};
+use crate::refine::pixels::Shown;
 use crate::refine::predict::Predictor;
 use crate::refine::reserve::Reserve;
 use crate::refine::{Refiner, StoppedBy, pixels};
@@ -466,7 +467,7 @@ impl Job<'_> {
             let started = Instant::now();
             let Refiner { mesh, pixel_faces, .. } = refiner;
             let (pixels, rays) =
-                pixels::trace(&context, mesh, shown, pixel_faces, traced_before.as_deref_mut());
+                per_pixel::trace(&context, mesh, shown, pixel_faces, traced_before.as_deref_mut());
             after_step(&self.assemble(refiner, &pixels), refiner, rays)?;
             seen = Some((Instant::now(), started.elapsed()));
             Ok(())
@@ -479,7 +480,7 @@ impl Job<'_> {
 
         let time = Instant::now();
         let Refiner { mesh, pixel_faces, .. } = &refiner;
-        let (traced_pixels, pixel_rays) = pixels::trace(&context, mesh, shown, pixel_faces, traced_before);
+        let (traced_pixels, pixel_rays) = per_pixel::trace(&context, mesh, shown, pixel_faces, traced_before);
         let pixels_ms = ms(time);
         stats.time_ms.trace = refiner.samples.time.as_secs_f64() * 1e3 + pixels_ms;
 

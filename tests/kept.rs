@@ -77,7 +77,7 @@ fn samples_are_kept_while_the_eye_stays() {
         ("filter", 1.0, |o| o.method.filter = FilterMode::Trilinear),
         ("nodes", 1.0, |o| o.method.nodes = 2),
         ("show", 1.0, |o| o.show = Some(Show::Faces)),
-        ("reconstruction", 0.15, |o| o.method.reconstruction = Reconstruction::Paper),
+        ("reconstruction", 0.1, |o| o.method.reconstruction = Reconstruction::Paper),
         ("size", 0.5, |o| (o.view.width, o.view.height) = (120, 90)),
         ("field of view", 0.5, |o| o.view.fov = Some(36.0)),
         ("looking elsewhere", 0.5, |o| look_elsewhere(o, DVec3::new(0.3, 0.1, 0.0))),
@@ -143,7 +143,7 @@ fn a_full_store_takes_no_more() {
     let gpu = TestGpu::open();
     let scene = Demo::CupAndGlass.scene();
     let first = options(&scene);
-    let (fresh, kept) = begin(&gpu, &scene, &first, 256 << 10);
+    let (fresh, kept) = begin(&gpu, &scene, &first, 96 << 10);
     let (frame, _) = go_on(&gpu, kept, &scene, &first);
     assert_same(&frame, &fresh, "full");
     assert!((1..frame.stats.samples / 2).contains(&frame.stats.reused), "{} kept", frame.stats.reused);

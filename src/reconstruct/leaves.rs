@@ -4,17 +4,16 @@ use std::collections::BTreeMap;
 
 use bytemuck::{Pod, Zeroable};
 use glam::Vec3;
-use half::f16;
 use rayon::prelude::*;
-use rustc_hash::{FxHashMap, FxHashSet};
 
 use super::beside::Borders;
+use super::blocks::Blocks;
 use super::nodes::{Corner, LeafNodes, Matcher};
 use super::table::{Texel, floats};
 use super::vertex::{Attributes, VertexLayout};
 use crate::constants::*;
 use crate::refine::mesh::{Mesh, Vertex};
-use crate::refine::pixels::{self, TracedPixel};
+use crate::refine::per_pixel::TracedPixel;
 use crate::refine::samples::Samples;
 use crate::scene::frustum::{Frustum, Overlap};
 use crate::scene::{AlphaMode, View};
@@ -128,7 +127,10 @@ pub fn assemble(
         Attributes { position: mesh.points[point as usize], normal, uv, color, tangent }
     });
     let faces: Vec<u32> = mesh.leaves().collect();
-    let traced_faces: FxHashSet<u32> = pixel_faces.iter().copied().collect();
+    let mut is_traced = vec![false; mesh.faces.len()];
+    for &face in pixel_faces {
+        is_traced[face as usize] = true;
+    }
     let borders = Borders::find(matcher.targets, mesh, samples, &faces);
     let frustum = Frustum::new(&view.clip_from_eye_relative(), view.eye);
     let built: Vec<(GpuLeaf, LeafNodes, bool)> = faces
@@ -149,7 +151,7 @@ pub fn assemble(
             let mut nodes = LeafNodes::default();
             if object.vt {
                 // What no traced pixel covers of a traced leaf is Gouraud-shaded: no nodes.
-                let room = if traced_faces.contains(&face) { 0 } else { matcher.room };
+                let room = if is_traced[face as usize] { 0 } else { matcher.room };
                 let seen = corners.map(|v| Corner {
                     sample: samples.get(v),
                     distance: (!view.orthographic).then(|| view.distance_to(mesh.position(v))),
@@ -160,7 +162,7 @@ pub fn assemble(
                     (leaf.first_target, leaf.first_lit) = (target, lit);
                 }
             }
-            if traced_faces.contains(&face) {
+            if is_traced[face as usize] {
                 leaf.flags |= LEAF_TRACED;
             }
             let cut = frustum.of_points(corners.map(|v| mesh.position(v))) != Overlap::Inside;
@@ -169,12 +171,13 @@ pub fn assemble(
         .collect();
 
     let mut result = Leaves { vertices, ..Leaves::default() };
-    let blocks = traced_blocks(view, mesh, traced, &traced_faces);
+    let traced_leaves: Vec<u32> = faces.iter().copied().filter(|&face| is_traced[face as usize]).collect();
+    let blocks = Blocks::new(view, mesh, traced, &traced_leaves);
     let mut groups: BTreeMap<Group, Vec<GpuLeaf>> = BTreeMap::new();
     for (&face, (mut leaf, nodes, cut)) in faces.iter().zip(built) {
         let base = mesh.faces[face as usize].base;
         let object = &scene.objects[scene.geometry.face_objects[base as usize] as usize];
-        let block = blocks.get(&face);
+        let block = blocks.get(face);
         if block.is_none() {
             leaf.flags &= !LEAF_TRACED;
         }
@@ -194,7 +197,7 @@ pub fn assemble(
             let own = matcher.base_textures[object.material as usize];
             Group::of(object.vt, own, &nodes, cut)
         };
-        result.nodes.extend(block.unwrap_or(&nodes.texels));
+        result.nodes.extend_from_slice(block.unwrap_or(&nodes.texels));
         groups.entry(group).or_default().push(leaf);
         if object.vt {
             result.defined += u32::from(nodes.defined);
@@ -205,59 +208,4 @@ pub fn assemble(
     result.groups = groups.iter().map(|(&group, leaves)| (group, leaves.len() as u32)).collect();
     result.leaves = groups.into_values().flatten().collect();
     result
-}
-
-/// Radiance of the traced pixels of each traced leaf: a rectangle's corner and size, then its pixels as halves, two a
-/// texel.
-///
-/// The rectangle covers the leaf, so that sub-samples in pixels that were not traced find a colour too: that of
-/// the nearest traced pixel, of this leaf if it has any. A pixel of a neighbour on the same face of the scene serves
-/// for itself: where its centre lies on their edge, the device may give it to either.
-fn traced_blocks(
-    view: &View,
-    mesh: &Mesh,
-    traced: &[TracedPixel],
-    faces: &FxHashSet<u32>,
-) -> FxHashMap<u32, Vec<Texel>> {
-    let by_pixel: FxHashMap<u32, &TracedPixel> = traced.iter().map(|pixel| (pixel.index, pixel)).collect();
-    let base_of = |face: u32| mesh.faces[face as usize].base;
-    let block = |&face: &u32| {
-        let [columns, rows] = pixels::bounds(mesh, view, face);
-        let cells = || rows.clone().flat_map(|y| columns.clone().map(move |x| (x, y)));
-        let near: Vec<_> =
-            cells().filter_map(|(x, y)| Some((x, y, *by_pixel.get(&(y * view.width + x))?))).collect();
-        let own = near.iter().any(|(.., pixel)| pixel.face == face);
-        let (width, height) = (columns.len() as u32, rows.len() as u32);
-        let colors: Vec<[u32; 2]> = cells()
-            .map(|(x, y)| {
-                let index = y * view.width + x;
-                if let Some(pixel) = by_pixel.get(&index).filter(|pixel| pixel.face == face) {
-                    return Some(halves(pixel.radiance));
-                }
-                let usable = near.iter().filter(|(u, v, pixel)| {
-                    !own || pixel.face == face || ((*u, *v) == (x, y) && base_of(pixel.face) == base_of(face))
-                });
-                let nearest = usable.min_by_key(|(u, v, _)| u.abs_diff(x).pow(2) + v.abs_diff(y).pow(2));
-                nearest.map(|(.., pixel)| halves(pixel.radiance))
-            })
-            .collect::<Option<_>>()?;
-        let mut block = vec![[columns.start, rows.start, width, height]];
-        block.extend(colors.chunks(2).map(|pair| {
-            let [second, third] = pair.get(1).copied().unwrap_or_default();
-            [pair[0][0], pair[0][1], second, third]
-        }));
-        Some((face, block))
-    };
-    let leaves: Vec<u32> =
-        faces.iter().copied().filter(|&face| mesh.faces[face as usize].is_leaf()).collect();
-    leaves.par_iter().with_min_len(64).filter_map(block).collect()
-}
-
-/// A radiance that a half can hold, in two words.
-fn halves(radiance: Vec3) -> [u32; 2] {
-    let [r, g, b] = radiance.clamp(Vec3::splat(-MAX_RADIANCE), Vec3::splat(MAX_RADIANCE)).to_array();
-    let pair = |low: f32, high: f32| {
-        u32::from(f16::from_f32(low).to_bits()) | u32::from(f16::from_f32(high).to_bits()) << 16
-    };
-    [pair(r, g), pair(b, 0.0)]
 }

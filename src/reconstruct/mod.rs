@@ -3,6 +3,7 @@
 pub mod bank;
 pub mod base;
 pub mod beside;
+mod blocks;
 pub mod drawn;
 pub mod frame_block;
 pub mod leaves;

@@ -5,8 +5,11 @@
 //! Faces that are still undefined at a few pixels leave the queue: their pixels are traced one by one.
 
 pub mod dense;
+pub mod footprint;
 pub mod guard;
+mod judge;
 pub mod mesh;
+pub mod per_pixel;
 pub mod pixels;
 pub mod predict;
 pub mod reserve;
@@ -20,6 +23,7 @@ use std::time::{Duration, Instant};
 use rayon::prelude::*;
 
 use self::dense::Dense;
+use self::judge::{GUARDED, Inherited, State};
 use self::mesh::{Mesh, Split};
 use self::pixels::Shown;
 use self::predict::{Corner, Deviation, Predictor};
@@ -29,8 +33,9 @@ use self::store::SampleStore;
 use crate::options::{EffortOptions, Reconstruction};
 use crate::trace::sample::Context;
 
-/// Longest edge, in pixels, at which a face is no longer bisected but its pixels are traced.
-pub const STOP_SIZE: f32 = 4.0;
+/// Longest edge, in pixels, at which a face is no longer bisected but its pixels are traced. Where this is 4, a picture
+/// takes longer and is farther off; where it is 12, glass takes a quarter more rays for the same error (docs/samples.md).
+pub const STOP_SIZE: f32 = 8.0;
 
 /// The same for faces with a normal map, whose pixels are all traced: fewer, larger ones are less to draw.
 const MAPPED_STOP_SIZE: f32 = 24.0;
@@ -43,31 +48,12 @@ const BATCH_SHARE: usize = 8;
 const BATCH_MIN: usize = 64;
 const BATCH_MAX: usize = 4096;
 
-/// Exploration: squared error assumed of a face that nothing is known of. It fades by level, and for large faces
-/// with the square of the pixels, below [`EXPLORE_PIXELS`]: what hides between samples is likely to be no
-/// larger than their distance.
-const EXPLORE: f32 = 0.01;
-const EXPLORE_FADE: f32 = 0.1;
-const EXPLORE_PIXELS: f32 = 3000.0;
-
-/// Longest edge, as a share of the image's longer side, of a face whose samples are trusted although nothing between them
-/// was looked at: whatever corners predict, a larger one may hide anything.
-const BLIND: f32 = 0.125;
-
-/// Share of a path's squared contribution that is expected to be wrong where something enters its shaft: unlike
-/// exploration it does not fade, since what stands there does not go away.
-const GUARDED: f32 = 0.05;
-
-/// Largest angle between the normals of a face's corners, in radians, at which its shafts are looked into. What hides is
-/// hidden by the size of flat faces; on curved ones samples lie close, and looking into their shafts made refinement
-/// three to ten times as long and found nothing (docs/samples.md).
-const FLAT: f32 = 0.01;
+/// Root mean square of linear radiance that may be off for each pixel of displacement that `--error` allows: not all that
+/// goes wrong is displaced, shadows' borders least of all.
+const COLOR_PER_PIXEL: f32 = 0.005;
 
 /// Share of a bisected face's error that each half inherits.
 const INHERITED: f32 = 0.5;
-
-/// Predicted squared error per pixel below which nothing is worth a sample: half an 8-bit step.
-const NEGLIGIBLE: f32 = (0.5 / 255.0) * (0.5 / 255.0);
 
 /// What ended refinement.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -107,21 +93,6 @@ pub struct Refiner<'a> {
     mapped: Vec<bool>,
     pixel_budget_used: f32,
     total_pixels: f32,
-}
-
-/// What is known of a face.
-#[derive(Debug, Clone, Copy, Default)]
-struct State {
-    /// Predicted error per pixel.
-    deviation: Deviation,
-    /// Pixels that show it, estimated.
-    pixels: f32,
-    /// Squared contribution of the paths whose shafts are entered.
-    guarded: f32,
-    /// Longest edge in pixels.
-    size: f32,
-    /// Whether its pixels are traced one by one.
-    traced: bool,
 }
 
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -191,69 +162,9 @@ impl<'a> Refiner<'a> {
             refiner.state[face as usize].pixels = dense.pixels(face);
             refiner.trace_pixels_of(face);
         }
-        refiner.judge(&others, |_| Deviation::default());
+        refiner.judge(&others, |_| Inherited::default());
         refiner.total_pixels = refiner.state.iter().map(|state| state.pixels).sum();
         refiner
-    }
-
-    /// Estimates the new faces `faces` and queues them; `inherited` is what each takes over.
-    fn judge(&mut self, faces: &[u32], inherited: impl Fn(u32) -> Deviation + Sync) {
-        let states: Vec<State> = faces
-            .par_iter()
-            .with_min_len(32)
-            .map(|&face| {
-                let corners = self.mesh.faces[face as usize].corners.map(|v| self.corner(v));
-                let size = self.mesh.size(face);
-                let own = self.predictor.face(corners, size);
-                State {
-                    deviation: own.plus(inherited(face)),
-                    guarded: if self.predictor.shaft_guard { self.guarded(face, corners) } else { 0.0 },
-                    pixels: pixels::visible(&self.mesh, self.context.view, self.shown, face),
-                    size,
-                    traced: false,
-                }
-            })
-            .collect();
-        self.state.resize(self.mesh.faces.len(), State::default());
-        for (&face, state) in faces.iter().zip(states) {
-            self.state[face as usize] = state;
-            let level = i32::from(self.mesh.faces[face as usize].level);
-            let large = (state.pixels / EXPLORE_PIXELS).min(1.0).powi(2);
-            let fade = if self.is_blind(face) { 1.0 } else { large.max(EXPLORE_FADE.powi(level)) };
-            let explored = EXPLORE * fade;
-            let color = state.deviation.color + GUARDED * state.guarded + explored;
-            if state.pixels > 0.0 && color > NEGLIGIBLE {
-                self.queue.push(Entry { priority: color * state.pixels, face });
-            }
-        }
-    }
-
-    /// Squared contribution of the paths of one bounce that seem to be known although something stands between them.
-    fn guarded(&self, face: u32, corners: [Corner; 3]) -> f32 {
-        if predict::curvature(corners) > FLAT {
-            return 0.0;
-        }
-        let base = self.mesh.faces[face as usize].base;
-        let own = self.context.tracer.scene().geometry.face_objects[base as usize];
-        let trusted = self.predictor.trusted(corners).filter(|nodes| nodes[0].bounces == 1);
-        let entered = trusted.filter(|&nodes| guard::is_entered(self.context, own, nodes));
-        entered.map(|nodes| self.predictor.square(nodes[0])).sum()
-    }
-
-    /// Whether the face is visible and its samples say too little of it: it is too large, or a normal map bends what it
-    /// reflects and its pixels are not traced.
-    fn is_blind(&self, face: u32) -> bool {
-        let State { pixels, size, traced, .. } = self.state[face as usize];
-        let large = size > BLIND * self.context.view.height.max(self.context.view.width) as f32;
-        pixels > 0.0 && (large || (!traced && self.is_mapped(face)))
-    }
-
-    /// Whether a normal map bends what the face reflects.
-    fn is_mapped(&self, face: u32) -> bool {
-        let scene = self.context.tracer.scene();
-        let object = scene.geometry.face_objects[self.mesh.faces[face as usize].base as usize];
-        let object = &scene.objects[object as usize];
-        object.vt && self.mapped[object.material as usize]
     }
 
     /// Longest edge, in pixels, at which the face is no longer bisected.
@@ -279,7 +190,7 @@ impl<'a> Refiner<'a> {
         for face in self.mesh.leaves() {
             let state = &self.state[face as usize];
             shift += f64::from(state.deviation.shift * state.pixels);
-            color += f64::from(state.deviation.color * state.pixels);
+            color += f64::from((state.deviation.color + GUARDED * state.guarded) * state.pixels);
         }
         let mean = |sum: f64| (sum / f64::from(self.total_pixels)).sqrt() as f32;
         (mean(shift), mean(color))
@@ -315,11 +226,8 @@ impl<'a> Refiner<'a> {
             {
                 return Ok(StoppedBy::Budget);
             }
-            if effort.max_samples.is_none() && effort.budget.is_none() {
-                let blind = self.mesh.leaves().any(|face| self.is_blind(face));
-                if !blind && self.predicted().0 <= effort.error {
-                    return Ok(StoppedBy::Error);
-                }
+            if effort.max_samples.is_none() && effort.budget.is_none() && self.is_within(effort.error) {
+                return Ok(StoppedBy::Error);
             }
             let room = effort.max_samples.map_or(u64::MAX, |limit| limit - self.cost());
             let step_started = Instant::now();
@@ -329,6 +237,16 @@ impl<'a> Refiner<'a> {
             last_step = step_started.elapsed();
             after_step(self)?;
         }
+    }
+
+    /// Whether what is known is predicted to be within the `error` asked for, in pixels, and enough is known.
+    fn is_within(&self, error: f32) -> bool {
+        let (shift, color) = self.predicted();
+        // Gouraud shading is off in colour wherever a texture is seen: of the paper's, displacement alone is asked.
+        let paper = self.predictor.reconstruction == Reconstruction::Paper;
+        shift <= error
+            && (paper || color <= error * COLOR_PER_PIXEL)
+            && !self.mesh.leaves().any(|face| self.is_blind(face))
     }
 
     /// Bisects the most promising faces and traces their new vertices, at most about `room` of them.
@@ -375,7 +293,8 @@ impl<'a> Refiner<'a> {
         let mut inherited = rustc_hash::FxHashMap::default();
         for (split, edge) in splits.iter().zip(edges) {
             for child in self.mesh.faces[split.face as usize].children {
-                inherited.insert(child, edge.scaled(INHERITED));
+                let clear = self.state[split.face as usize].clear;
+                inherited.insert(child, Inherited { deviation: edge.scaled(INHERITED), clear });
             }
         }
         let faces: Vec<u32> = splits
@@ -407,6 +326,7 @@ impl<'a> Refiner<'a> {
         let state = &mut self.state[face as usize];
         self.pixel_budget_used += state.pixels;
         state.deviation = Deviation::default();
+        state.guarded = 0.0;
         state.traced = true;
         self.pixel_faces.push(face);
     }

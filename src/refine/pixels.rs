@@ -1,15 +1,11 @@
-//! Pixels of refined faces: how many show a face, and tracing those that interpolation cannot serve.
-
-use std::ops::Range;
+//! Pixels of refined faces: which face a pixel shows, and how many pixels show a face.
 
 use glam::{Vec2, Vec3};
-use rayon::prelude::*;
 
+use super::footprint::Footprint;
 use super::mesh::Mesh;
-use super::store::PixelStore;
 use crate::scene::View;
-use crate::trace::sample::{self, Context};
-use crate::trace::{Rays, Surface};
+use crate::trace::sample::Context;
 use crate::visibility::{Class, Found, IdImage};
 
 /// What is known of the pixels that show a face.
@@ -25,17 +21,6 @@ impl<'a> From<&Found<'a>> for Shown<'a> {
     fn from(found: &Found<'a>) -> Self {
         found.ids.map_or(Self::Counts(&found.faces.pixels_per_face), Self::Image)
     }
-}
-
-/// A pixel traced by itself.
-#[derive(Debug, Clone, Copy, PartialEq)]
-pub struct TracedPixel {
-    /// `y · width + x`.
-    pub index: u32,
-    /// The leaf that covers its centre.
-    pub face: u32,
-    /// Linear radiance.
-    pub radiance: Vec3,
 }
 
 /// Points at which a face is looked for in the ID buffer: barycentric lattices for small and large faces.
@@ -60,15 +45,16 @@ pub fn face_at(context: &Context, shown: Shown, classes: &[Class], x: u32, y: u3
 }
 
 /// Most pixels around a face at which it is worth counting those that show it.
-const COUNTED: u32 = 1024;
+const COUNTED: usize = 1024;
 
 /// Number of pixels that show the unrefined `face`; `None` if it reaches over too many to be counted.
 pub fn count(mesh: &Mesh, view: &View, shown: Shown, face: u32) -> Option<u32> {
     let base = mesh.faces[face as usize].base;
-    let [columns, rows] = bounds(mesh, view, face);
-    if columns.len() as u32 * rows.len() as u32 > COUNTED {
+    let footprint = Footprint::new(mesh, view, face);
+    if footprint.len() > COUNTED {
         return None;
     }
+    let Footprint { columns, rows, .. } = footprint;
     Some(match shown {
         Shown::Image(ids) => {
             let shows = |y: u32| columns.clone().filter(|&x| ids.face(x, y) == Some(base)).count() as u32;
@@ -101,9 +87,16 @@ fn visible_in_image(mesh: &Mesh, view: &View, ids: IdImage, face: u32) -> f32 {
     if area > frame {
         return frame * share_of_frame(mesh, view, ids, base, corners);
     }
+    // Straight between projected corners: which points are looked at does not matter much.
+    let projected =
+        mesh.faces[face as usize].corners.map(|v| view.project(mesh.position(v)).map(|(pixel, _)| pixel));
     let shows = |weights: [f32; 3]| {
-        let image = corners[0] * weights[0] + corners[1] * weights[1] + corners[2] * weights[2];
-        pixel_of(view, image).is_some_and(|(x, y)| ids.face(x, y) == Some(base))
+        let blend = |[a, b, c]: [Vec2; 3]| a * weights[0] + b * weights[1] + c * weights[2];
+        let at = match projected {
+            [Some(a), Some(b), Some(c)] => within(view, blend([a, b, c])),
+            _ => pixel_of(view, corners[0] * weights[0] + corners[1] * weights[1] + corners[2] * weights[2]),
+        };
+        at.is_some_and(|(x, y)| ids.face(x, y) == Some(base))
     };
     let share = if area <= 64.0 {
         FEW.iter().filter(|&&weights| shows(weights)).count() as f32 / FEW.len() as f32
@@ -154,136 +147,10 @@ fn pixel_of(view: &View, image: Vec3) -> Option<(u32, u32)> {
     let ndc = plane / view.half;
     let x = (ndc.x + 1.0) * 0.5 * view.width as f32;
     let y = (1.0 - ndc.y) * 0.5 * view.height as f32;
+    within(view, Vec2::new(x, y))
+}
+
+/// The pixel that a point of the image plane falls into, if it is inside the frame.
+fn within(view: &View, Vec2 { x, y }: Vec2) -> Option<(u32, u32)> {
     (x >= 0.0 && y >= 0.0 && x < view.width as f32 && y < view.height as f32).then_some((x as u32, y as u32))
-}
-
-/// Traces the pixels whose centres lie in the leaves `faces`, from the point of the base face that shows
-/// there. An image of the faces says where it does; without one, a primary ray a pixel. Pixels that `store` knows are
-/// not traced, and it learns the others.
-pub fn trace(
-    context: &Context,
-    mesh: &Mesh,
-    shown: Shown,
-    faces: &[u32],
-    mut store: Option<&mut PixelStore>,
-) -> (Vec<TracedPixel>, Rays) {
-    if let Some(store) = &mut store {
-        store.look_at(context.view);
-    }
-    let known = store.as_deref();
-    let chunks: Vec<(Vec<TracedPixel>, Rays)> = faces
-        .par_chunks(16)
-        .map(|faces| {
-            let (mut pixels, mut nodes, mut rays) = (Vec::new(), Vec::new(), Rays::default());
-            for &face in faces {
-                for (x, y) in pixels_around(mesh, context.view, face) {
-                    let base = mesh.faces[face as usize].base;
-                    if matches!(shown, Shown::Image(ids) if ids.face(x, y) != Some(base)) {
-                        continue;
-                    }
-                    let centre = Vec2::new(x as f32 + 0.5, y as f32 + 0.5);
-                    let (origin, direction) = context.view.ray(centre);
-                    let image = if context.view.orthographic { mesh.image_of(origin) } else { direction };
-                    if mesh.leaf_at(base, image) != Some(face) {
-                        continue;
-                    }
-                    let index = y * context.view.width + x;
-                    if let Some(radiance) = known.and_then(|known| known.get(index, base)) {
-                        pixels.push(TracedPixel { index, face, radiance });
-                        continue;
-                    }
-                    if matches!(shown, Shown::Counts(_)) {
-                        rays.primary += 1;
-                        if context.tracer.closest(origin, direction).is_none_or(|hit| hit.face != base) {
-                            continue;
-                        }
-                    }
-                    let Some(surface) = surface_at(context, base, origin, direction) else { continue };
-                    nodes.clear();
-                    let from_eye = context.view.distance_to(surface.position);
-                    let primary =
-                        sample::trace_surface(context, &surface, direction, from_eye, &mut nodes, &mut rays);
-                    let radiance = nodes
-                        .iter()
-                        .fold(primary.local.radiance(primary.texel), |sum, node| sum + node.radiance());
-                    pixels.push(TracedPixel { index, face, radiance });
-                }
-            }
-            (pixels, rays)
-        })
-        .collect();
-    let mut all = Vec::new();
-    let mut total = Rays::default();
-    for (pixels, rays) in chunks {
-        all.extend(pixels);
-        total += rays;
-    }
-    if let Some(store) = store {
-        for pixel in &all {
-            store.insert(pixel.index, mesh.faces[pixel.face as usize].base, pixel.radiance);
-        }
-    }
-    (all, total)
-}
-
-/// Pixels whose centres may lie in `face`.
-fn pixels_around(mesh: &Mesh, view: &View, face: u32) -> impl Iterator<Item = (u32, u32)> + use<> {
-    let [columns, rows] = bounds(mesh, view, face);
-    let corners = mesh.faces[face as usize].corners.map(|v| view.project(mesh.position(v)));
-    let sides = match corners {
-        [Some((a, _)), Some((b, _)), Some((c, _))] => sides([a, b, c]),
-        _ => [Vec3::ZERO; 3],
-    };
-    rows.flat_map(move |y| columns.clone().map(move |x| (x, y))).filter(move |&(x, y)| {
-        let centre = Vec3::new(x as f32 + 0.5, y as f32 + 0.5, 1.0);
-        sides.iter().all(|side| side.dot(centre) >= -ROUNDING)
-    })
-}
-
-/// The lines along a triangle's sides: distances to them, in pixels and positive inside, are products with (x, y, 1).
-/// All zero for a triangle without area.
-fn sides(corners: [Vec2; 3]) -> [Vec3; 3] {
-    let [a, b, c] = corners;
-    let turn = (b - a).perp_dot(c - a).signum();
-    [(a, b), (b, c), (c, a)].map(|(from, to)| {
-        let normal = (to - from).perp().normalize_or_zero() * turn;
-        normal.extend(-normal.dot(from))
-    })
-}
-
-/// Pixels by which a device's projection of a point may differ from ours.
-const ROUNDING: f32 = 0.05;
-
-/// Columns and rows of the pixels that `face` may reach into.
-pub fn bounds(mesh: &Mesh, view: &View, face: u32) -> [Range<u32>; 2] {
-    let mut low = Vec2::splat(f32::INFINITY);
-    let mut high = Vec2::splat(f32::NEG_INFINITY);
-    for corner in mesh.faces[face as usize].corners {
-        if let Some((pixel, _)) = view.project(mesh.position(corner)) {
-            low = low.min(pixel);
-            high = high.max(pixel);
-        }
-    }
-    let range = |low: f32, high: f32, size: u32| {
-        let first = (low - ROUNDING).max(0.0) as u32;
-        let end = if high >= -ROUNDING { ((high + ROUNDING) as u32 + 1).min(size) } else { 0 };
-        first..end
-    };
-    [range(low.x, high.x, view.width), range(low.y, high.y, view.height)]
-}
-
-/// The point of base face `base` under a view ray.
-fn surface_at(context: &Context, base: u32, origin: Vec3, direction: Vec3) -> Option<Surface> {
-    let [a, b, c] = context.tracer.scene().geometry.corners(base);
-    let (e1, e2) = (b - a, c - a);
-    let p = direction.cross(e2);
-    let determinant = e1.dot(p);
-    if determinant == 0.0 {
-        return None;
-    }
-    let t = origin - a;
-    let q = t.cross(e1);
-    let u = (t.dot(p) / determinant).clamp(0.0, 1.0);
-    let v = (direction.dot(q) / determinant).clamp(0.0, 1.0 - u);
-    Some(Surface::new(context.tracer, base, u, v, direction))
 }

@@ -263,6 +263,9 @@ impl Predictor<'_> {
             if self.reconstruction == Reconstruction::Paper || !self.are_candidates(nodes.into_iter()) {
                 return Some(whole());
             }
+            if touches(nodes) {
+                return Some(whole());
+            }
             // Where the surface is curved, the border bulges into faces beside it whose corners see one target.
             let missed = self.uncovered(nodes, self.eye_distances(corners, nodes)) / UNMATCHED;
             loss = (missed + BULGED * curvature(corners)) * whole();
@@ -331,6 +334,14 @@ fn throughput_added(ends: [&Node; 2]) -> Vec3 {
 pub fn curvature(corners: [Corner; 3]) -> f32 {
     let [a, b, c] = corners.map(|corner| corner.normal.normalize_or_zero());
     (a - b).length().max((b - c).length()).max((c - a).length()).min(1.0)
+}
+
+/// Whether one of the nodes lies nearer than its neighbours are apart: where surfaces touch, light and shadow change
+/// within less than a corner can tell.
+fn touches(nodes: [&Node; 3]) -> bool {
+    let [a, b, c] = nodes.map(|node| node.origin);
+    let apart = a.distance_squared(b).max(b.distance_squared(c)).max(c.distance_squared(a));
+    nodes.iter().any(|node| node.length * node.length < apart)
 }
 
 /// Radiance that a node would show with the mean texel.

@@ -1,0 +1,134 @@
+//! The pixels that a refined face may cover.
+
+use std::ops::Range;
+
+use glam::{Vec2, Vec3};
+
+use super::mesh::Mesh;
+use crate::scene::View;
+
+/// Pixels by which a device's projection of a point may differ from ours.
+pub const ROUNDING: f32 = 0.05;
+
+/// Largest distance of a pixel's centre from a triangle that reaches into the pixel, and a rounding.
+pub const TOUCHED: f32 = std::f32::consts::FRAC_1_SQRT_2 + ROUNDING;
+
+/// A projected face: the rectangle of pixels around it, and its sides.
+#[derive(Debug, Clone)]
+pub struct Footprint {
+    /// Columns that it may reach into.
+    pub columns: Range<u32>,
+    /// Rows that it may reach into.
+    pub rows: Range<u32>,
+    /// The lines along its sides: distances to them, in pixels and positive inside, are products with (x, y, 1).
+    /// All zero for a triangle without area, or with a corner that is not before the eye.
+    sides: [Vec3; 3],
+}
+
+impl Footprint {
+    /// That of `face` in `view`.
+    pub fn new(mesh: &Mesh, view: &View, face: u32) -> Self {
+        let corners = mesh.faces[face as usize]
+            .corners
+            .map(|corner| view.project(mesh.position(corner)).map(|(pixel, _)| pixel));
+        let mut low = Vec2::splat(f32::INFINITY);
+        let mut high = Vec2::splat(f32::NEG_INFINITY);
+        for pixel in corners.into_iter().flatten() {
+            low = low.min(pixel);
+            high = high.max(pixel);
+        }
+        let range = |low: f32, high: f32, size: u32| {
+            let first = (low - ROUNDING).max(0.0) as u32;
+            let end = if high >= -ROUNDING { ((high + ROUNDING) as u32 + 1).min(size) } else { 0 };
+            first..end
+        };
+        let sides = match corners {
+            [Some(a), Some(b), Some(c)] => sides([a, b, c]),
+            _ => [Vec3::ZERO; 3],
+        };
+        Self { columns: range(low.x, high.x, view.width), rows: range(low.y, high.y, view.height), sides }
+    }
+
+    /// Whether it reaches into no pixel.
+    pub fn is_empty(&self) -> bool {
+        self.columns.is_empty() || self.rows.is_empty()
+    }
+
+    /// Number of pixels in the rectangle.
+    pub fn len(&self) -> usize {
+        self.columns.len() * self.rows.len()
+    }
+
+    /// Distance of the centre of a pixel from the nearest side, in pixels and negative outside; zero where the sides are
+    /// not known.
+    pub fn inside(&self, x: u32, y: u32) -> f32 {
+        let centre = Vec3::new(x as f32 + 0.5, y as f32 + 0.5, 1.0);
+        self.sides.iter().map(|side| side.dot(centre)).fold(f32::INFINITY, f32::min)
+    }
+
+    /// Columns of row `y` whose centres are at most `margin` pixels outside of every side.
+    pub fn span(&self, y: u32, margin: f32) -> Range<u32> {
+        let (mut low, mut high) = (self.columns.start as f32, self.columns.end as f32 - 1.0);
+        for side in self.sides {
+            let rest = side.y * (y as f32 + 0.5) + side.z + margin;
+            if side.x == 0.0 {
+                if rest < 0.0 {
+                    return 0..0;
+                }
+                continue;
+            }
+            let end = -rest / side.x - 0.5;
+            if side.x > 0.0 {
+                low = low.max(end.ceil());
+            } else {
+                high = high.min(end.floor());
+            }
+        }
+        if low <= high { low as u32..high as u32 + 1 } else { 0..0 }
+    }
+}
+
+fn sides(corners: [Vec2; 3]) -> [Vec3; 3] {
+    let [a, b, c] = corners;
+    let turn = (b - a).perp_dot(c - a).signum();
+    [(a, b), (b, c), (c, a)].map(|(from, to)| {
+        let normal = (to - from).perp().normalize_or_zero() * turn;
+        normal.extend(-normal.dot(from))
+    })
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn footprint(corners: [Vec2; 3]) -> Footprint {
+        Footprint { columns: 0..16, rows: 0..16, sides: sides(corners) }
+    }
+
+    #[test]
+    fn spans_hold_the_centres_inside() {
+        let corners = [Vec2::new(1.3, 2.1), Vec2::new(13.7, 4.9), Vec2::new(5.2, 12.4)];
+        for corners in [corners, [corners[1], corners[0], corners[2]]] {
+            let footprint = footprint(corners);
+            for margin in [0.0, ROUNDING, TOUCHED] {
+                for y in 0..16 {
+                    let span = footprint.span(y, margin);
+                    for x in 0..16 {
+                        let distance = footprint.inside(x, y) + margin;
+                        // On the line either answer is right.
+                        if distance.abs() > 1e-4 {
+                            assert_eq!(span.contains(&x), distance > 0.0, "({x}, {y}), margin {margin}");
+                        }
+                    }
+                }
+            }
+        }
+    }
+
+    #[test]
+    fn without_sides_the_whole_rectangle_may_be_covered() {
+        let footprint = Footprint { columns: 3..7, rows: 0..4, sides: [Vec3::ZERO; 3] };
+        assert_eq!(footprint.span(2, ROUNDING), 3..7);
+        assert_eq!(footprint.inside(0, 0), 0.0);
+    }
+}

@@ -1,0 +1,169 @@
+//! What is known of a face from its corners' samples, how far that is trusted, and how soon the face is looked at again.
+
+use rayon::prelude::*;
+
+use super::predict::{self, Corner, Deviation};
+use super::{Entry, Refiner, guard, pixels};
+use crate::options::Reconstruction;
+use crate::scene::patch::TargetId;
+
+/// Exploration: squared error assumed of a face that nothing is known of. It fades by level, and for large faces
+/// with the square of the pixels, below [`EXPLORE_PIXELS`]: what hides between samples is likely to be no
+/// larger than their distance.
+const EXPLORE: f32 = 0.01;
+const EXPLORE_FADE: f32 = 0.1;
+const EXPLORE_PIXELS: f32 = 3000.0;
+
+/// Longest edge, as a share of the image's longer side, of a face whose samples are trusted although nothing between them
+/// was looked at: whatever corners predict, a larger one may hide anything.
+const BLIND: f32 = 0.1;
+
+/// Bounces up to which that holds, and the least throughput of paths of more.
+const FEW_BOUNCES: u8 = 2;
+const SEEN: f32 = 0.1;
+
+/// Largest angle between the normals of a face's corners, in radians, at which the face is trusted for what its corners
+/// say: what a more curved one reflects may pass over anything between them.
+const CURVED: f32 = 0.12;
+
+/// Share of a path's squared contribution that is expected to be wrong where something enters its shaft: unlike
+/// exploration it does not fade, since what stands there does not go away.
+pub(super) const GUARDED: f32 = 0.05;
+
+/// Largest angle between the normals of a face's corners, in radians, at which its shafts are looked into. What hides is
+/// hidden by the size of flat faces; on curved ones samples lie close, and looking into their shafts made refinement
+/// three to ten times as long and found nothing (docs/samples.md).
+const FLAT: f32 = 0.01;
+
+/// Predicted squared error per pixel below which nothing is worth a sample: half an 8-bit step.
+const NEGLIGIBLE: f32 = (0.5 / 255.0) * (0.5 / 255.0);
+
+/// Paths of one bounce, with the one target that they meet from all corners, into whose shafts nothing reaches: nor does
+/// anything into those of the halves, which lie within. One for each branch.
+pub(super) type Clear = [Option<(u32, TargetId)>; 2];
+
+/// What a half takes over.
+#[derive(Debug, Clone, Copy, Default)]
+pub(super) struct Inherited {
+    pub deviation: Deviation,
+    pub clear: Clear,
+}
+
+/// What is known of a face.
+#[derive(Debug, Clone, Copy, Default)]
+pub(super) struct State {
+    /// Predicted error per pixel.
+    pub deviation: Deviation,
+    /// Pixels that show it, estimated.
+    pub pixels: f32,
+    /// Squared contribution of the paths whose shafts are entered.
+    pub guarded: f32,
+    /// Its clear shafts.
+    pub clear: Clear,
+    /// Longest edge in pixels.
+    pub size: f32,
+    /// Whether its samples say too little of it, unless its pixels are traced.
+    pub blind: bool,
+    /// Whether its pixels are traced one by one.
+    pub traced: bool,
+}
+
+impl Refiner<'_> {
+    /// Estimates the new faces `faces` and queues them; `inherited` is what each takes over.
+    pub(super) fn judge(&mut self, faces: &[u32], inherited: impl Fn(u32) -> Inherited + Sync) {
+        let states: Vec<State> = faces
+            .par_iter()
+            .with_min_len(32)
+            .map(|&face| {
+                let pixels = pixels::visible(&self.mesh, self.context.view, self.shown, face);
+                let size = self.mesh.size(face);
+                if pixels == 0.0 {
+                    return State { size, ..State::default() };
+                }
+                let corners = self.mesh.faces[face as usize].corners.map(|v| self.corner(v));
+                let Inherited { deviation, clear } = inherited(face);
+                let (guarded, clear) = self.guarded(face, corners, clear);
+                State {
+                    deviation: self.predictor.face(corners, size).plus(deviation),
+                    guarded,
+                    clear,
+                    pixels,
+                    size,
+                    blind: self.is_mapped(face)
+                        || self.is_curved(face, corners)
+                        || self.is_large(size, corners),
+                    traced: false,
+                }
+            })
+            .collect();
+        self.state.resize(self.mesh.faces.len(), State::default());
+        for (&face, state) in faces.iter().zip(states) {
+            self.state[face as usize] = state;
+            let level = i32::from(self.mesh.faces[face as usize].level);
+            let large = (state.pixels / EXPLORE_PIXELS).min(1.0).powi(2);
+            let fade = if self.is_blind(face) { 1.0 } else { large.max(EXPLORE_FADE.powi(level)) };
+            let explored = EXPLORE * fade;
+            let color = state.deviation.color + GUARDED * state.guarded + explored;
+            if state.pixels > 0.0 && color > NEGLIGIBLE {
+                self.queue.push(Entry { priority: color * state.pixels, face });
+            }
+        }
+    }
+
+    /// Squared contribution of the paths of one bounce that seem to be known although something stands between them, and
+    /// the shafts that are clear; `known` are those of the face that this one is half of.
+    fn guarded(&self, face: u32, corners: [Corner; 3], known: Clear) -> (f32, Clear) {
+        let (mut square, mut clear) = (0.0, Clear::default());
+        if !self.predictor.shaft_guard || predict::curvature(corners) > FLAT {
+            return (square, clear);
+        }
+        let base = self.mesh.faces[face as usize].base;
+        let own = self.context.tracer.scene().geometry.face_objects[base as usize];
+        for nodes in self.predictor.trusted(corners).filter(|nodes| nodes[0].bounces == 1) {
+            let [a, b, c] = nodes.map(|node| node.target);
+            let shaft = (a == b && b == c).then_some((nodes[0].path, a));
+            let within = shaft.is_some() && known.contains(&shaft);
+            if !within && guard::is_entered(self.context, own, nodes) {
+                square += self.predictor.square(nodes[0]);
+            } else if let Some(room) = clear.iter_mut().find(|room| room.is_none()) {
+                *room = shaft;
+            }
+        }
+        (square, clear)
+    }
+
+    /// Whether the face is visible and its samples say too little of it: it is too large, too curved, or a normal map bends
+    /// what it reflects, and its pixels are not traced.
+    pub(super) fn is_blind(&self, face: u32) -> bool {
+        let State { pixels, blind, traced, .. } = self.state[face as usize];
+        pixels > 0.0 && blind && !traced
+    }
+
+    /// Whether a face with a longest edge of `size` pixels may hide anything between its corners. What is seen over
+    /// several bounces is as much smaller.
+    fn is_large(&self, size: f32, corners: [Corner; 3]) -> bool {
+        let seen = corners.iter().flat_map(|corner| corner.sample.nodes);
+        let seen = seen.filter(|node| node.throughput.max_element() > SEEN);
+        let bounces = match self.predictor.reconstruction {
+            Reconstruction::Exact => seen.map(|node| node.bounces).max().unwrap_or(0),
+            Reconstruction::Paper => 0,
+        };
+        let side = self.context.view.height.max(self.context.view.width);
+        size * f32::from(bounces.max(FEW_BOUNCES)) > BLIND * side as f32 * f32::from(FEW_BOUNCES)
+    }
+
+    /// Whether the face is specular and turns so far that its pixels had better be traced.
+    fn is_curved(&self, face: u32, corners: [Corner; 3]) -> bool {
+        self.predictor.reconstruction == Reconstruction::Exact
+            && predict::curvature(corners) > CURVED
+            && self.context.tracer.scene().is_vt(self.mesh.faces[face as usize].base)
+    }
+
+    /// Whether a normal map bends what the face reflects.
+    pub(super) fn is_mapped(&self, face: u32) -> bool {
+        let scene = self.context.tracer.scene();
+        let object = scene.geometry.face_objects[self.mesh.faces[face as usize].base as usize];
+        let object = &scene.objects[object as usize];
+        object.vt && self.mapped[object.material as usize]
+    }
+}

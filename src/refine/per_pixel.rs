@@ -1,0 +1,147 @@
+//! Tracing the pixels that interpolation cannot serve, one by one.
+
+use glam::{Vec2, Vec3};
+use rayon::prelude::*;
+
+use super::footprint::{Footprint, ROUNDING};
+use super::mesh::Mesh;
+use super::pixels::Shown;
+use super::store::PixelStore;
+use crate::trace::sample::{self, Context};
+use crate::trace::{Rays, Surface};
+
+/// Leaves whose pixels one task traces.
+const CHUNK: usize = 16;
+
+/// Distance from all sides of a leaf, in pixels, at which a pixel's centre is certainly in it.
+const CERTAIN: f32 = 2.0 * ROUNDING;
+
+/// A pixel traced by itself.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct TracedPixel {
+    /// `y · width + x`.
+    pub index: u32,
+    /// The leaf that covers its centre.
+    pub face: u32,
+    /// Linear radiance.
+    pub radiance: Vec3,
+}
+
+/// Traces the pixels whose centres lie in the leaves `faces`, from the point of the base face that shows
+/// there. An image of the faces says where it does; without one, a primary ray a pixel. Pixels that `store` knows are
+/// not traced, and it learns the others. Pixels come in the order of `faces`, those of one face row by row.
+pub fn trace(
+    context: &Context,
+    mesh: &Mesh,
+    shown: Shown,
+    faces: &[u32],
+    mut store: Option<&mut PixelStore>,
+) -> (Vec<TracedPixel>, Rays) {
+    if let Some(store) = &mut store {
+        store.look_at(context.view);
+    }
+    let known = store.as_deref();
+    let chunks: Vec<Chunk> = faces
+        .par_chunks(CHUNK)
+        .map(|faces| {
+            let mut chunk = Chunk::default();
+            for &face in faces {
+                chunk.trace_face(context, mesh, shown, face, known);
+            }
+            chunk
+        })
+        .collect();
+    let mut all = Vec::with_capacity(chunks.iter().map(|chunk| chunk.pixels.len()).sum());
+    let mut total = Rays::default();
+    for Chunk { pixels, rays, .. } in chunks {
+        all.extend(pixels);
+        total += rays;
+    }
+    if let Some(store) = store {
+        for pixel in &all {
+            store.insert(pixel.index, mesh.faces[pixel.face as usize].base, pixel.radiance);
+        }
+    }
+    (all, total)
+}
+
+/// The pixels of some leaves.
+#[derive(Default)]
+struct Chunk {
+    pixels: Vec<TracedPixel>,
+    rays: Rays,
+    /// Nodes of the pixel at hand.
+    nodes: Vec<sample::Node>,
+}
+
+impl Chunk {
+    fn trace_face(
+        &mut self,
+        context: &Context,
+        mesh: &Mesh,
+        shown: Shown,
+        face: u32,
+        known: Option<&PixelStore>,
+    ) {
+        let view = context.view;
+        let base = mesh.faces[face as usize].base;
+        let footprint = Footprint::new(mesh, view, face);
+        for y in footprint.rows.clone() {
+            for x in footprint.span(y, ROUNDING) {
+                if matches!(shown, Shown::Image(ids) if ids.face(x, y) != Some(base)) {
+                    continue;
+                }
+                let (origin, direction) = view.ray(Vec2::new(x as f32 + 0.5, y as f32 + 0.5));
+                // Near its sides the refined mesh says to which leaf a centre belongs: to one alone.
+                if footprint.inside(x, y) < CERTAIN {
+                    let image = if view.orthographic { mesh.image_of(origin) } else { direction };
+                    if mesh.leaf_at(base, image) != Some(face) {
+                        continue;
+                    }
+                }
+                let index = y * view.width + x;
+                let kept = known.and_then(|known| known.get(index, base));
+                let radiance = kept.or_else(|| self.radiance(context, shown, base, origin, direction));
+                self.pixels.extend(radiance.map(|radiance| TracedPixel { index, face, radiance }));
+            }
+        }
+    }
+
+    /// What a view ray sees of base face `base`, if it shows there.
+    fn radiance(
+        &mut self,
+        context: &Context,
+        shown: Shown,
+        base: u32,
+        origin: Vec3,
+        direction: Vec3,
+    ) -> Option<Vec3> {
+        if matches!(shown, Shown::Counts(_)) {
+            self.rays.primary += 1;
+            context.tracer.closest(origin, direction).filter(|hit| hit.face == base)?;
+        }
+        let surface = surface_at(context, base, origin, direction)?;
+        self.nodes.clear();
+        let from_eye = context.view.distance_to(surface.position);
+        let (nodes, rays) = (&mut self.nodes, &mut self.rays);
+        let primary = sample::trace_surface(context, &surface, direction, from_eye, nodes, rays);
+        let own = primary.local.radiance(primary.texel);
+        Some(self.nodes.iter().fold(own, |sum, node| sum + node.radiance()))
+    }
+}
+
+/// The point of base face `base` under a view ray.
+fn surface_at(context: &Context, base: u32, origin: Vec3, direction: Vec3) -> Option<Surface> {
+    let [a, b, c] = context.tracer.scene().geometry.corners(base);
+    let (e1, e2) = (b - a, c - a);
+    let p = direction.cross(e2);
+    let determinant = e1.dot(p);
+    if determinant == 0.0 {
+        return None;
+    }
+    let t = origin - a;
+    let q = t.cross(e1);
+    let u = (t.dot(p) / determinant).clamp(0.0, 1.0);
+    let v = (direction.dot(q) / determinant).clamp(0.0, 1.0 - u);
+    Some(Surface::new(context.tracer, base, u, v, direction))
+}
