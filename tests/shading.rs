@@ -8,7 +8,7 @@ use vertex_tracing::constants::{DEFAULT_AMBIENT, REFLECTION_LIFT};
 use vertex_tracing::error::Error;
 use vertex_tracing::scene::{
     AlphaMode, Background, Camera, Environment, Filter, Geometry, Image, Light, LightKind, Material, Object,
-    Sampler, Scene, Texture, TextureSlot, View, Volume, Wrap,
+    Projection, Sampler, Scene, Texture, TextureSlot, View, Volume, Wrap,
 };
 use vertex_tracing::trace::optics::{self, BranchKind};
 use vertex_tracing::trace::{Appearance, Rays, Settings, Shadows, Surface, Tracer, reference, shade, texel};
@@ -610,6 +610,51 @@ fn the_reference_does_not_depend_on_threads() {
     let (one, three) = (with(1), with(3));
     assert_eq!((one.image, one.rays, one.vt_mask), (three.image, three.rays, three.vt_mask));
     assert_eq!(one.rays.primary, 3 * view.pixels() as u64);
+}
+
+/// Tiles share the search for hits and shadows; each pixel must not notice, under any light and projection.
+#[test]
+fn the_reference_traces_tiles_as_it_traces_single_rays() {
+    let (mut scene, _) = room();
+    let pane =
+        Material { alpha_mode: AlphaMode::Blend, base_color: Vec4::new(0.4, 0.9, 0.5, 0.5), ..diffuse(0.0) };
+    let corners = [[-1.5, 0.2, 2.0], [1.0, 0.2, 2.2], [1.0, 1.4, 2.0], [-1.5, 1.4, 1.8]];
+    let pane_corners = corners.map(|corner| (Vec3::from(corner), Vec3::Z, Vec2::ZERO));
+    add(&mut scene, pane, &pane_corners, &[[0, 1, 2], [0, 2, 3]]);
+    let kinds = [
+        LightKind::Directional { direction: Vec3::new(-0.3, -1.0, 0.0).normalize() },
+        LightKind::Directional { direction: Vec3::NEG_Y },
+        LightKind::Point { position: Vec3::new(-1.0, 0.6, 1.0), range: 4.0 },
+        LightKind::Spot {
+            position: Vec3::new(0.0, 3.0, 2.0),
+            direction: Vec3::new(0.1, -1.0, -0.6).normalize(),
+            range: f32::INFINITY,
+            inner_cos: 0.95,
+            outer_cos: 0.8,
+        },
+    ];
+    for kind in kinds {
+        scene.lights.push(Light { name: "light".into(), kind, intensity: Vec3::ONE });
+    }
+    let tracer = Tracer::new(&scene);
+    let eye = Camera::look_at(Vec3::new(0.4, 1.7, 4.0), Vec3::new(0.3, 0.8, 0.0), 0.9);
+    let level = Camera::look_at(Vec3::new(0.5, 1.0, 5.0), Vec3::new(0.5, 1.0, 0.0), 0.9);
+    let parallel = Camera { projection: Projection::Orthographic { xmag: 2.0, ymag: 2.0 }, ..level };
+    for (camera, settings) in [(&eye, Settings::default()), (&parallel, EXACT)] {
+        let view = View::new(camera, 61, 43, scene.bounds());
+        let traced =
+            reference::render(&tracer, &view, &settings, 1, None, &AtomicBool::new(false), &|_| {}).unwrap();
+        let mut rays = Rays::default();
+        for (pixel, &radiance) in traced.image.iter().enumerate() {
+            let at = Vec2::new((pixel % 61) as f32 + 0.5, (pixel / 61) as f32 + 0.5);
+            let (origin, direction) = view.ray(at);
+            let (alone, its_rays) = reference::radiance(&tracer, &settings, origin, direction);
+            assert_eq!(radiance, alone.to_array(), "at {at}");
+            rays += its_rays;
+        }
+        assert_eq!(rays, traced.rays);
+        assert!(rays.shadow > 5000 && rays.reflected > 100, "{rays:?}");
+    }
 }
 
 #[test]

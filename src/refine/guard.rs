@@ -86,8 +86,7 @@ impl Shaft {
 /// their last segments.
 pub fn is_entered(context: &Context, own: u32, nodes: [&Node; 3]) -> bool {
     let scene = context.tracer.scene();
-    let (low, high) = scene.bounds();
-    let far = (high - low).length();
+    let far = context.tracer.diagonal();
     let starts = nodes.map(|node| node.origin);
     let ends = nodes.map(|node| node.origin + node.direction * (node.length.min(far) * (1.0 - END)));
     let shaft = Shaft::new(starts, ends);

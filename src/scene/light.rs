@@ -8,6 +8,9 @@ use crate::constants::DEFAULT_AMBIENT;
 /// Radiance that the headlight gives a white diffuse surface that faces it at the scene's centre.
 const HEADLIGHT_RADIANCE: f32 = 0.7;
 
+/// More than the rounding errors of a unit vector's component.
+const ROUNDING: f32 = 8.0 * f32::EPSILON;
+
 /// A light without extent.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Light {
@@ -98,6 +101,31 @@ impl Light {
     }
 }
 
+impl Light {
+    /// Bounds of the unit directions to the light from points inside a box, and of its distance from them.
+    ///
+    /// What [`incident`](Self::incident) says of any of these points lies within them, rounding included.
+    pub fn directions(&self, [low, high]: [Vec3; 2]) -> ([Vec3; 2], f32) {
+        match self.kind {
+            LightKind::Directional { direction } => ([-direction; 2], f32::INFINITY),
+            LightKind::Point { position, .. } | LightKind::Spot { position, .. } => {
+                let [least, most] = [position - high, position - low];
+                let nearest = position.clamp(low, high).distance(position);
+                let farthest = least.abs().max(most.abs()).length();
+                if nearest == 0.0 {
+                    return ([Vec3::NEG_ONE, Vec3::ONE], farthest);
+                }
+                // The smallest component has the largest denominator, unless it is negative.
+                let divisor = |positive: bool| if positive { farthest } else { nearest };
+                let least = Vec3::from_array(least.to_array().map(|to| to / divisor(to > 0.0)));
+                let most = Vec3::from_array(most.to_array().map(|to| to / divisor(to < 0.0)));
+                let bounds = [(least - ROUNDING).max(Vec3::NEG_ONE), (most + ROUNDING).min(Vec3::ONE)];
+                (bounds, farthest * (1.0 + ROUNDING))
+            }
+        }
+    }
+}
+
 impl Scene {
     /// Lights a scene that has no lights of its own: a point light at the eye of `view`, and ambient light
     /// of [`DEFAULT_AMBIENT`] · base colour. Together a white diffuse surface at the centre that faces the
@@ -118,5 +146,37 @@ impl Scene {
         });
         self.ambient = DEFAULT_AMBIENT;
         self.notes.push("the scene has no lights: lit from the camera, with ambient light".into());
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use proptest::prelude::*;
+
+    use super::*;
+
+    fn point() -> impl Strategy<Value = Vec3> {
+        prop::array::uniform3(-1.0..1.0_f32).prop_map(Vec3::from)
+    }
+
+    proptest! {
+        #[test]
+        fn directions_bound_what_points_see(
+            corner in point(),
+            size in prop_oneof![Just(0.0), Just(1e-3), Just(0.5), Just(2.0)],
+            position in point(),
+            shares in prop::collection::vec(point(), 1..20),
+        ) {
+            let (low, high) = (corner, corner + size);
+            let kind = LightKind::Point { position, range: f32::INFINITY };
+            let light = Light { name: "lamp".into(), kind, intensity: Vec3::ONE };
+            let ([least, most], farthest) = light.directions([low, high]);
+            for share in shares {
+                let incident = light.incident((low + (high - low) * share.abs()).clamp(low, high));
+                prop_assert!(incident.to_light.cmpge(least).all() && incident.to_light.cmple(most).all());
+                prop_assert!(incident.distance <= farthest);
+            }
+            prop_assert!(size > 1e-3 || position.distance(low) < 0.1 || (most - least).max_element() < 0.05);
+        }
     }
 }

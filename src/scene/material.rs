@@ -100,6 +100,15 @@ impl TextureSlot {
     }
 }
 
+impl Material {
+    /// Whether lights can show on it: not where it is unlit, a perfect mirror or clear glass.
+    pub fn scatters(&self) -> bool {
+        let textured = self.metallic_roughness_texture.is_some() || self.transmission_texture.is_some();
+        let smooth = self.roughness == 0.0 && (self.metallic == 1.0 || self.transmission == 1.0);
+        !self.unlit && (textured || !smooth)
+    }
+}
+
 impl Default for Material {
     /// glTF's default material: white, fully metallic and rough unless a file says otherwise, except that
     /// metallic is 0 here so that scenes made in code start as plain diffuse.

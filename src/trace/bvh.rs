@@ -10,10 +10,11 @@ use obvhs::{
 };
 
 use super::{
+    packet::{EntryPoints, Packet},
     quad::{Crossing, Probe},
     surface::{self, Record},
     texel,
-    wide::{BoxProbe, Bvh4},
+    wide::{BoxProbe, Bvh4, Node},
 };
 use crate::scene::{AlphaMode, Scene};
 
@@ -57,6 +58,7 @@ pub struct Tracer<'s> {
     scene: &'s Scene,
     bvh: Bvh4,
     masked: bool,
+    diagonal: f32,
     /// In the order of the scene's faces.
     records: Vec<Record>,
 }
@@ -65,6 +67,7 @@ pub struct Tracer<'s> {
 pub struct Hierarchy {
     bvh: Bvh4,
     masked: bool,
+    diagonal: f32,
     records: Vec<Record>,
 }
 
@@ -86,6 +89,7 @@ impl<'s> Tracer<'s> {
             scene,
             bvh: Bvh4::new(&binary, |face| geometry.corners(face)),
             masked,
+            diagonal: (high - low).length(),
             records: surface::records(scene),
         }
     }
@@ -93,19 +97,24 @@ impl<'s> Tracer<'s> {
     /// The tracer of `scene`, whose faces, objects and materials are those that `hierarchy` was built of; its lights
     /// may be others.
     pub fn with(scene: &'s Scene, hierarchy: Hierarchy) -> Self {
-        let Hierarchy { bvh, masked, records } = hierarchy;
-        Self { scene, bvh, masked, records }
+        let Hierarchy { bvh, masked, diagonal, records } = hierarchy;
+        Self { scene, bvh, masked, diagonal, records }
     }
 
     /// What was built, for another tracer.
     pub fn into_hierarchy(self) -> Hierarchy {
-        let Self { bvh, masked, records, .. } = self;
-        Hierarchy { bvh, masked, records }
+        let Self { bvh, masked, diagonal, records, .. } = self;
+        Hierarchy { bvh, masked, diagonal, records }
     }
 
     /// The scene that is traced.
     pub fn scene(&self) -> &'s Scene {
         self.scene
+    }
+
+    /// The diagonal of the box around all faces: nothing that a ray from a face hits is farther away.
+    pub fn diagonal(&self) -> f32 {
+        self.diagonal
     }
 
     /// Lets rays start `distance` off every face instead of what its position and size ask for: made to
@@ -121,25 +130,40 @@ impl<'s> Tracer<'s> {
         &self.records[face as usize]
     }
 
+    /// Makes `entries` the places where the rays of `packet` have to look.
+    pub(super) fn find_entries(&self, packet: &Packet, entries: &mut EntryPoints) {
+        entries.find(&self.bvh, packet);
+    }
+
     /// The nearest hit from `origin` along the unit vector `direction`.
     #[inline]
     pub fn closest(&self, origin: Vec3, direction: Vec3) -> Option<Hit> {
-        if self.masked {
-            self.closest_of::<true>(origin, direction)
-        } else {
-            self.closest_of::<false>(origin, direction)
-        }
+        self.closest_below(self.bvh.root(), origin, direction)
+    }
+
+    /// [`closest`](Self::closest) for a ray of the packet that `entries` are of.
+    #[inline]
+    pub(super) fn closest_among(&self, entries: &EntryPoints, origin: Vec3, direction: Vec3) -> Option<Hit> {
+        self.closest_below(entries.nodes(), origin, direction)
     }
 
     /// Whether anything lies between `origin` and the point `distance` (may be infinite) away along the
     /// unit vector `direction`.
     #[inline]
     pub fn occluded(&self, origin: Vec3, direction: Vec3, distance: f32) -> bool {
-        if self.masked {
-            self.occluded_of::<true>(origin, direction, distance)
-        } else {
-            self.occluded_of::<false>(origin, direction, distance)
-        }
+        self.occluded_below(self.bvh.root(), origin, direction, distance)
+    }
+
+    /// [`occluded`](Self::occluded) for a ray of the packet that `entries` are of.
+    #[inline]
+    pub(super) fn occluded_among(
+        &self,
+        entries: &EntryPoints,
+        origin: Vec3,
+        direction: Vec3,
+        distance: f32,
+    ) -> bool {
+        !entries.is_empty() && self.occluded_below(entries.nodes(), origin, direction, distance)
     }
 
     /// Whether `accepts` any of the faces in boxes that `meets` says are worth opening; `meets` is given the lower and
@@ -148,15 +172,34 @@ impl<'s> Tracer<'s> {
         self.bvh.any_face(meets, accepts)
     }
 
+    fn closest_below(&self, entries: &[Node], origin: Vec3, direction: Vec3) -> Option<Hit> {
+        if self.masked {
+            self.closest_of::<true>(entries, origin, direction)
+        } else {
+            self.closest_of::<false>(entries, origin, direction)
+        }
+    }
+
+    fn occluded_below(&self, entries: &[Node], origin: Vec3, direction: Vec3, distance: f32) -> bool {
+        if self.masked {
+            self.occluded_of::<true>(entries, origin, direction, distance)
+        } else {
+            self.occluded_of::<false>(entries, origin, direction, distance)
+        }
+    }
+
     #[inline(always)]
-    fn closest_of<const MASKED: bool>(&self, origin: Vec3, direction: Vec3) -> Option<Hit> {
+    fn closest_of<const MASKED: bool>(&self, entries: &[Node], origin: Vec3, direction: Vec3) -> Option<Hit> {
         let probe = Probe::new(origin, direction);
-        let mut nearest = None;
-        self.bvh.traverse(&BoxProbe::new(origin, direction), f32::INFINITY, |quad, mut end| {
-            let Some(crossing) = quad.intersect(&probe, end) else { return Some(end) };
+        let mut nearest: Option<Hit> = None;
+        self.bvh.traverse(entries, &BoxProbe::new(origin, direction), f32::INFINITY, |quad, mut end| {
+            let Some(crossing) = quad.intersect(&probe, end.next_up()) else { return Some(end) };
             for lane in crossing.each() {
                 let hit = crossing.hit(lane, quad);
-                if hit.t < end && (!MASKED || self.covers(&hit)) {
+                // Of equally near faces the first, in whatever order they come.
+                let nearer =
+                    hit.t < end || hit.t == end && nearest.is_some_and(|other| hit.face < other.face);
+                if nearer && (!MASKED || self.covers(&hit)) {
                     nearest = Some(hit);
                     end = hit.t;
                 }
@@ -167,10 +210,16 @@ impl<'s> Tracer<'s> {
     }
 
     #[inline(always)]
-    fn occluded_of<const MASKED: bool>(&self, origin: Vec3, direction: Vec3, distance: f32) -> bool {
+    fn occluded_of<const MASKED: bool>(
+        &self,
+        entries: &[Node],
+        origin: Vec3,
+        direction: Vec3,
+        distance: f32,
+    ) -> bool {
         let probe = Probe::new(origin, direction);
         let end = distance * (1.0 - SHADOW_END);
-        self.bvh.traverse(&BoxProbe::new(origin, direction), end, |quad, end| {
+        self.bvh.traverse(entries, &BoxProbe::new(origin, direction), end, |quad, end| {
             let crossing = quad.intersect(&probe, end);
             let stops = |crossing: Crossing| {
                 !MASKED || crossing.each().any(|lane| self.covers(&crossing.hit(lane, quad)))

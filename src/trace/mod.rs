@@ -2,11 +2,14 @@
 //! per-pixel reference.
 
 pub mod bvh;
+mod collapse;
 pub mod optics;
+mod packet;
 mod quad;
 pub mod reference;
 pub mod sample;
 pub mod shade;
+mod shaft;
 pub mod surface;
 pub mod texel;
 mod wide;

@@ -7,7 +7,9 @@ use glam::{Vec2, Vec3};
 use rayon::prelude::*;
 
 use super::optics::{self, Branch, BranchKind};
-use super::{Appearance, Rays, Settings, Surface, Tracer, shade, surface};
+use super::packet::{EntryPoints, Packet};
+use super::shaft::Shafts;
+use super::{Appearance, Hit, Rays, Settings, Surface, Tracer, shade, surface};
 use crate::error::{Error, Result};
 use crate::scene::View;
 
@@ -65,14 +67,29 @@ pub fn render(
     // Straight into the image, since lists of pixels on the way would be new memory in every frame.
     let rays = bands.enumerate().map(|(index, (image, centres))| {
         let mut path = Path::new(tracer, &settings);
-        for (x, row) in band_pixels(view.width, image.len() as u32 / view.width) {
-            if x % TILE == 0 && row == 0 && interrupt.load(Ordering::Relaxed) {
+        let mut tile = Tile::default();
+        let rows = image.len() as u32 / view.width;
+        let top = index as u32 * TILE;
+        for left in (0..view.width).step_by(TILE as usize) {
+            if interrupt.load(Ordering::Relaxed) {
                 break;
             }
-            let (here, y) = ((row * view.width + x) as usize, index as u32 * TILE + row);
-            if wanted((y * view.width + x) as usize) {
-                image[here] = path.pixel(view, &pattern, x, y).to_array();
-                centres[here] = path.first_is_vt;
+            let across = left..(left + TILE).min(view.width);
+            let all = (0..rows).flat_map(|row| across.clone().map(move |x| (x, row)));
+            let pixels = all.filter(|(x, row)| wanted(((top + row) * view.width + x) as usize));
+            for inside in &pattern {
+                let ray = |(x, row)| view.ray(Vec2::new(x as f32, (top + row) as f32) + inside);
+                tile.find(tracer, &settings, pixels.clone().map(ray));
+                for ((x, row), &(direction, hit)) in pixels.clone().zip(&tile.hits) {
+                    let here = (row * view.width + x) as usize;
+                    let sum = Vec3::from(image[here]) + path.camera(direction, hit, Some(&tile.shafts));
+                    image[here] = sum.to_array();
+                    centres[here] = hit.is_some_and(|hit| tracer.record(hit.face).vt);
+                }
+            }
+            for (x, row) in pixels {
+                let here = (row * view.width + x) as usize;
+                image[here] = (Vec3::from(image[here]) / pattern.len() as f32).to_array();
             }
         }
         let finished = finished.fetch_add(1, Ordering::Relaxed) + 1;
@@ -109,15 +126,36 @@ pub fn vt_mask(tracer: &Tracer, view: &View) -> Vec<bool> {
 /// Radiance along one camera ray, and the rays that it took.
 pub fn radiance(tracer: &Tracer, settings: &Settings, origin: Vec3, direction: Vec3) -> (Vec3, Rays) {
     let mut path = Path::new(tracer, settings);
-    let radiance = path.camera(origin, direction);
+    let radiance = path.camera(direction, tracer.closest(origin, direction), None);
     (radiance, path.rays)
 }
 
-/// Column and row of the pixels in a band of `height` rows, tile by tile: neighbouring rays share the cache.
-fn band_pixels(width: u32, height: u32) -> impl Iterator<Item = (u32, u32)> {
-    (0..width).step_by(TILE as usize).flat_map(move |left| {
-        (0..height).flat_map(move |row| (left..(left + TILE).min(width)).map(move |x| (x, row)))
-    })
+/// The camera rays of a tile, whose first hits and shadows are searched for together.
+#[derive(Default)]
+struct Tile {
+    rays: Vec<(Vec3, Vec3)>,
+    entries: EntryPoints,
+    /// Direction of each ray, and what it hits.
+    hits: Vec<(Vec3, Option<Hit>)>,
+    shafts: Shafts,
+}
+
+impl Tile {
+    /// Traces `rays`, origins and unit directions, as far as the first surface.
+    fn find(&mut self, tracer: &Tracer, settings: &Settings, rays: impl Iterator<Item = (Vec3, Vec3)>) {
+        self.rays.clear();
+        self.rays.extend(rays);
+        let mut packet = Packet::EMPTY;
+        for &(origin, direction) in &self.rays {
+            packet.add(origin, direction);
+        }
+        tracer.find_entries(&packet, &mut self.entries);
+        self.hits.clear();
+        for &(origin, direction) in &self.rays {
+            self.hits.push((direction, tracer.closest_among(&self.entries, origin, direction)));
+        }
+        self.shafts.find(tracer, settings, self.hits.iter());
+    }
 }
 
 /// Positions inside the unit square.
@@ -142,50 +180,38 @@ struct Path<'t, 's> {
     tracer: &'t Tracer<'s>,
     settings: &'t Settings,
     rays: Rays,
-    /// Whether the last camera ray met a VT object first.
-    first_is_vt: bool,
 }
 
 impl<'t, 's> Path<'t, 's> {
     fn new(tracer: &'t Tracer<'s>, settings: &'t Settings) -> Self {
-        Self { tracer, settings, rays: Rays::default(), first_is_vt: false }
+        Self { tracer, settings, rays: Rays::default() }
     }
 
-    fn pixel(&mut self, view: &View, pattern: &[Vec2], x: u32, y: u32) -> Vec3 {
-        let corner = Vec2::new(x as f32, y as f32);
-        let mut sum = Vec3::ZERO;
-        for &inside in pattern {
-            let (origin, direction) = view.ray(corner + inside);
-            sum += self.camera(origin, direction);
-        }
-        sum / pattern.len() as f32
-    }
-
-    /// A ray from the eye: BLEND surfaces cover it in part, and it goes on straight behind them.
-    fn camera(&mut self, mut origin: Vec3, direction: Vec3) -> Vec3 {
+    /// A ray from the eye that meets `hit` first: BLEND surfaces cover it in part, and it goes on straight behind them.
+    /// The first surface's shadow rays look among `shafts`.
+    fn camera(&mut self, direction: Vec3, mut hit: Option<Hit>, shafts: Option<&Shafts>) -> Vec3 {
         let scene = self.tracer.scene();
         let mut sum = Vec3::ZERO;
         let mut share = 1.0;
-        self.first_is_vt = false;
         for layer in 0..=MAX_LAYERS {
             self.rays.primary += 1;
-            let Some(hit) = self.tracer.closest(origin, direction) else {
+            let Some(Hit { face, u, v, .. }) = hit else {
                 return sum + shade::background(scene, direction) * share;
             };
-            let at = Surface::new(self.tracer, hit.face, hit.u, hit.v, direction);
+            let at = Surface::new(self.tracer, face, u, v, direction);
             let appearance = Appearance::new(scene, &at);
-            self.first_is_vt |= layer == 0 && at.vt;
             let material = &scene.materials[at.material as usize];
             let covered = if layer == MAX_LAYERS { 1.0 } else { surface::coverage(material, &appearance) };
             if covered > 0.0 {
                 let throughput = Vec3::splat(share * covered);
-                sum += self.surface(&at, &appearance, direction, 0, throughput) * (share * covered);
+                let shafts = shafts.filter(|_| layer == 0);
+                sum += self.surface(&at, &appearance, shafts, direction, 0, throughput) * (share * covered);
             }
             share *= 1.0 - covered;
             if share <= self.settings.min_throughput {
                 return sum;
             }
-            origin = at.behind();
+            hit = self.tracer.closest(at.behind(), direction);
         }
         sum
     }
@@ -195,13 +221,14 @@ impl<'t, 's> Path<'t, 's> {
         &mut self,
         at: &Surface,
         appearance: &Appearance,
+        shafts: Option<&Shafts>,
         direction: Vec3,
         bounces: u32,
         throughput: Vec3,
     ) -> Vec3 {
         let scene = self.tracer.scene();
         let local = if self.settings.shadows.apply(at.vt, bounces) {
-            shade::local_shadowed(self.tracer, at, appearance, direction, &mut self.rays)
+            shade::local_shadowed(self.tracer, shafts, at, appearance, direction, &mut self.rays)
         } else {
             shade::local(scene, at, appearance, direction, shade::ALL_LIT)
         };
@@ -231,6 +258,6 @@ impl<'t, 's> Path<'t, 's> {
         let at = Surface::new(self.tracer, hit.face, hit.u, hit.v, branch.direction);
         let inside = branch.transmittance(Some(at.position));
         let appearance = Appearance::new(scene, &at);
-        self.surface(&at, &appearance, branch.direction, bounces, throughput * inside) * inside
+        self.surface(&at, &appearance, None, branch.direction, bounces, throughput * inside) * inside
     }
 }

@@ -4,7 +4,7 @@ use std::f32::consts::{FRAC_1_PI, TAU};
 
 use glam::Vec3;
 
-use super::{Appearance, Rays, Surface, Tracer, texel};
+use super::{Appearance, Rays, Surface, Tracer, packet::EntryPoints, shaft::Shafts, texel};
 use crate::constants::MAX_PHONG_EXPONENT;
 use crate::scene::{Background, Scene, light::Incident};
 
@@ -42,7 +42,7 @@ pub fn visible_lights(tracer: &Tracer, surface: &Surface, appearance: &Appearanc
     }
     for (index, light) in tracer.scene().lights.iter().take(MASK_LIGHTS).enumerate() {
         let incident = light.incident(surface.position);
-        if faces(surface, &incident) && hidden(tracer, surface, &incident, rays) {
+        if faces(surface, &incident) && hidden(tracer, None, surface, &incident, rays) {
             lit &= !(1 << index);
         }
     }
@@ -56,17 +56,21 @@ pub fn local(scene: &Scene, surface: &Surface, appearance: &Appearance, directio
     local_where(scene, surface, appearance, direction, is_lit)
 }
 
-/// [`local`] under the lights that [`visible_lights`] would tell, asked on the way.
+/// [`local`] under the lights that [`visible_lights`] would tell, asked on the way; among `shafts` that were found for
+/// this surface and others, or in the whole scene.
 #[inline]
-pub fn local_shadowed(
+pub(super) fn local_shadowed(
     tracer: &Tracer,
+    shafts: Option<&Shafts>,
     surface: &Surface,
     appearance: &Appearance,
     direction: Vec3,
     rays: &mut Rays,
 ) -> Local {
-    let is_lit =
-        |index: usize, incident: &Incident| index >= MASK_LIGHTS || !hidden(tracer, surface, incident, rays);
+    let is_lit = |index: usize, incident: &Incident| {
+        let entries = shafts.and_then(|shafts| shafts.to(index));
+        index >= MASK_LIGHTS || !hidden(tracer, entries, surface, incident, rays)
+    };
     local_where(tracer.scene(), surface, appearance, direction, is_lit)
 }
 
@@ -112,9 +116,20 @@ fn faces(surface: &Surface, incident: &Incident) -> bool {
 }
 
 #[inline]
-fn hidden(tracer: &Tracer, surface: &Surface, incident: &Incident, rays: &mut Rays) -> bool {
+fn hidden(
+    tracer: &Tracer,
+    entries: Option<&EntryPoints>,
+    surface: &Surface,
+    incident: &Incident,
+    rays: &mut Rays,
+) -> bool {
     rays.shadow += 1;
-    tracer.occluded(surface.front(), incident.to_light, incident.distance)
+    match entries {
+        Some(entries) => {
+            tracer.occluded_among(entries, surface.front(), incident.to_light, incident.distance)
+        }
+        None => tracer.occluded(surface.front(), incident.to_light, incident.distance),
+    }
 }
 
 /// Radiance of a ray of unit direction `direction` that leaves the scene.

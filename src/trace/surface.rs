@@ -48,11 +48,9 @@ impl Surface {
         let geometry = &tracer.scene().geometry;
         let record = tracer.record(face);
         let weights = [1.0 - u - v, u, v];
-        let mut ng = record.ng;
-        let mut n = record.normals.blend(weights).normalize_or(ng);
-        if n.dot(ng) < 0.0 {
-            ng = -ng;
-        }
+        let ng = record.facing(direction);
+        let mut n = record.normals.blend(weights).normalize_or(record.ng);
+        let outside = n.dot(ng) >= 0.0;
         let mut uvs = [record.uvs.blend(weights), Vec2::ZERO];
         let mut color = Vec4::ONE;
         if record.extras {
@@ -60,10 +58,6 @@ impl Surface {
             uvs[1] = corners.map(|corner| geometry.uv(1, corner)).blend(weights);
             color = corners.map(|corner| geometry.color(corner)).blend(weights);
             n = mapped_normal(tracer.scene(), record, corners, weights, uvs, n);
-        }
-        let outside = ng.dot(direction) < 0.0;
-        if !outside {
-            (ng, n) = (-ng, -n);
         }
         Self {
             face,
@@ -73,7 +67,7 @@ impl Surface {
             outside,
             position: record.positions.blend(weights),
             ng,
-            n,
+            n: if outside { n } else { -n },
             uvs,
             color,
             offset: record.offset,
@@ -137,9 +131,26 @@ pub(super) struct Record {
     pub(super) offset: f32,
     object: u32,
     material: u32,
-    vt: bool,
+    pub(super) vt: bool,
+    /// Whether lights may show on it.
+    pub(super) scatters: bool,
     /// Whether vertex colours, the second coordinates or tangents are to be looked at.
     extras: bool,
+}
+
+impl Record {
+    /// Origin of a ray that leaves the point with barycentric weights (1 − u − v, u, v) to the side that `direction`
+    /// arrives from.
+    #[inline]
+    pub fn front(&self, u: f32, v: f32, direction: Vec3) -> Vec3 {
+        self.positions.blend([1.0 - u - v, u, v]) + self.facing(direction) * self.offset
+    }
+
+    /// Unit geometric normal on the side that the unit vector `direction` arrives from.
+    #[inline(always)]
+    fn facing(&self, direction: Vec3) -> Vec3 {
+        if self.ng.dot(direction) < 0.0 { self.ng } else { -self.ng }
+    }
 }
 
 /// The records of all faces of `scene`.
@@ -171,6 +182,7 @@ pub(super) fn records(scene: &Scene) -> Vec<Record> {
             object: object_index,
             material: object.material,
             vt: object.vt,
+            scatters: scene.materials[object.material as usize].scatters(),
             extras: !geometry.colors.is_empty()
                 || !geometry.uvs[1].is_empty()
                 || scene.materials[object.material as usize].normal_texture.is_some(),

@@ -1,15 +1,12 @@
 //! A BVH with four boxes a node and four triangles a leaf, each tested side by side: obvhs's binary one, collapsed.
 
 use glam::{Vec3, Vec4};
-use obvhs::{
-    aabb::Aabb,
-    bvh2::{Bvh2, node::Bvh2Node},
-};
+use obvhs::aabb::Aabb;
 
 use super::quad::{LANES, Quad};
 
 /// Smallest magnitude of a direction's component that is inverted as it is.
-const SMALLEST_COMPONENT: f32 = 1e-15;
+pub(super) const SMALLEST_COMPONENT: f32 = 1e-15;
 
 /// Subtrees that wait for their turn before the heap is asked for more room: a balanced tree of 50,000
 /// faces needs 24.
@@ -17,22 +14,31 @@ const INLINE_STACK: usize = 24;
 
 /// The hierarchy. Node 0 is the root, also of an empty scene.
 pub(super) struct Bvh4 {
-    nodes: Vec<Node>,
-    quads: Vec<Quad>,
+    pub(super) nodes: Vec<Node>,
+    pub(super) quads: Vec<Quad>,
 }
+
+/// Lower and upper bounds of four boxes along each axis.
+pub(super) type Bounds = [[Vec4; 2]; 3];
 
 /// Four boxes and what is in them, in two lines of the cache.
 #[derive(Clone)]
 #[repr(align(64))]
-struct Node {
-    /// Lower and upper bounds along each axis. The box of a lane without a child is inside out: nothing enters it.
-    bounds: [[Vec4; 2]; 3],
+pub(super) struct Node {
+    /// The box of a lane without a child is inside out: nothing enters it.
+    bounds: Bounds,
     children: [Child; LANES],
 }
 
 /// An index into the nodes or, with the highest bit, into the quads.
 #[derive(Clone, Copy, Default)]
-struct Child(u32);
+pub(super) struct Child(u32);
+
+/// The direction with components that can be inverted: a finite inverse keeps 0 · ∞ out of the box tests.
+#[inline(always)]
+pub(super) fn invertible(direction: Vec3) -> Vec3 {
+    direction.abs().max(Vec3::splat(SMALLEST_COMPONENT)).copysign(direction)
+}
 
 /// A ray as the box tests want it.
 pub(super) struct BoxProbe {
@@ -46,28 +52,44 @@ impl BoxProbe {
     /// The ray from `origin` along the unit vector `direction`.
     #[inline(always)]
     pub fn new(origin: Vec3, direction: Vec3) -> Self {
-        // A finite inverse keeps 0 · ∞ out of the box test.
-        let invertible = direction.abs().max(Vec3::splat(SMALLEST_COMPONENT)).copysign(direction);
         Self {
             origin: origin.to_array().map(Vec4::splat),
-            inverse: invertible.recip().to_array().map(Vec4::splat),
+            inverse: invertible(direction).recip().to_array().map(Vec4::splat),
             near: direction.to_array().map(|d| usize::from(d.is_sign_negative())),
         }
     }
 }
 
 impl Node {
-    fn empty() -> Self {
+    pub fn empty() -> Self {
         let inside_out = [Vec4::INFINITY, Vec4::NEG_INFINITY];
         Self { bounds: [inside_out; 3], children: [Child::default(); LANES] }
     }
 
-    fn set(&mut self, lane: usize, bounds: &Aabb, child: Child) {
+    pub fn set(&mut self, lane: usize, bounds: &Aabb, child: Child) {
         for (axis, [low, high]) in self.bounds.iter_mut().enumerate() {
             low[lane] = bounds.min[axis];
             high[lane] = bounds.max[axis];
         }
         self.children[lane] = child;
+    }
+
+    /// Takes over one of the other node's boxes with what is in it.
+    pub fn take(&mut self, lane: usize, other: &Self, from: usize) {
+        for (bounds, others) in self.bounds.iter_mut().zip(&other.bounds) {
+            for (bound, other) in bounds.iter_mut().zip(others) {
+                bound[lane] = other[from];
+            }
+        }
+        self.children[lane] = other.children[from];
+    }
+
+    pub fn bounds(&self) -> &Bounds {
+        &self.bounds
+    }
+
+    pub fn child(&self, lane: usize) -> Child {
+        self.children[lane]
     }
 
     /// The boxes that have something in them.
@@ -79,7 +101,7 @@ impl Node {
 
     /// Distances at which the ray enters the four boxes, and a bit for each that it enters before `end`.
     #[inline(always)]
-    fn enter(&self, ray: &BoxProbe, end: f32) -> ([f32; LANES], u32) {
+    pub fn enter(&self, ray: &BoxProbe, end: f32) -> ([f32; LANES], u32) {
         let plane =
             |axis: usize, side: usize| (self.bounds[axis][side & 1] - ray.origin[axis]) * ray.inverse[axis];
         let [x, y, z] = ray.near;
@@ -90,24 +112,52 @@ impl Node {
     }
 }
 
+impl Node {
+    /// The nearest child among those that are `entered`, at least one; the others wait on the stack.
+    #[inline(always)]
+    fn nearest(&self, near: &[f32; LANES], mut entered: u32, stack: &mut Stack) -> Child {
+        let mut next = || {
+            let lane = entered.trailing_zeros() as usize % LANES;
+            entered &= entered - 1;
+            (lane, entered == 0)
+        };
+        let (first, alone) = next();
+        if alone {
+            return self.children[first];
+        }
+        let entry = |lane: usize| u64::from(near[lane].to_bits()) << 32 | u64::from(self.children[lane].0);
+        let mut nearest = entry(first);
+        loop {
+            let (lane, last) = next();
+            let other = entry(lane);
+            stack.push(nearest.max(other));
+            nearest = nearest.min(other);
+            if last {
+                return Child(nearest as u32);
+            }
+        }
+    }
+}
+
 impl Child {
+    pub const ROOT: Self = Self(0);
     const QUAD: u32 = 1 << 31;
 
-    fn node(index: usize) -> Self {
+    pub fn node(index: usize) -> Self {
         Self(index as u32)
     }
 
-    fn quad(index: usize) -> Self {
+    pub fn quad(index: usize) -> Self {
         Self(index as u32 | Self::QUAD)
     }
 
     #[inline(always)]
-    fn is_quad(self) -> bool {
+    pub fn is_quad(self) -> bool {
         self.0 & Self::QUAD != 0
     }
 
     #[inline(always)]
-    fn index(self) -> usize {
+    pub fn index(self) -> usize {
         (self.0 & !Self::QUAD) as usize
     }
 }
@@ -148,33 +198,20 @@ impl Stack {
         self.length = self.length.checked_sub(1)?;
         self.inline.get(self.length).copied()
     }
+
+    /// The topmost subtree that is entered before `end`; those above it are forgotten.
+    #[inline(always)]
+    fn pop_before(&mut self, end: f32) -> Option<Child> {
+        loop {
+            let entry = self.pop()?;
+            if f32::from_bits((entry >> 32) as u32) <= end {
+                return Some(Child(entry as u32));
+            }
+        }
+    }
 }
 
 impl Bvh4 {
-    /// Collapses `binary`, whose leaves hold a face each; `corners` tells the positions of a face.
-    pub fn new(binary: &Bvh2, corners: impl Fn(u32) -> [Vec3; 3]) -> Self {
-        let mut wide = Self { nodes: vec![Node::empty()], quads: Vec::new() };
-        if binary.nodes.is_empty() {
-            return wide;
-        }
-        let faces = Faces::count(binary);
-        let mut waiting = vec![(0, 0)];
-        while let Some((source, target)) = waiting.pop() {
-            for (lane, source) in faces.open(source).enumerate() {
-                let child = if faces.of(source) <= LANES {
-                    wide.quads.push(Quad::new(&faces.list(source), &corners));
-                    Child::quad(wide.quads.len() - 1)
-                } else {
-                    waiting.push((source, wide.nodes.len()));
-                    wide.nodes.push(Node::empty());
-                    Child::node(wide.nodes.len() - 1)
-                };
-                wide.nodes[target].set(lane, binary.nodes[source].aabb(), child);
-            }
-        }
-        wide
-    }
-
     /// Whether `accepts` any of the faces in boxes that `meets`, given lower and upper corner, says are worth opening.
     pub fn any_face(&self, meets: impl Fn(Vec3, Vec3) -> bool, mut accepts: impl FnMut(u32) -> bool) -> bool {
         let mut open = vec![0];
@@ -193,134 +230,54 @@ impl Bvh4 {
         false
     }
 
-    /// Calls `visit` with the quads whose boxes the ray enters before `end`, roughly in that order, and goes on
-    /// with the nearer end that it returns, or stops without one. Whether it stopped.
+    /// Where rays start that belong to no packet.
+    #[inline(always)]
+    pub fn root(&self) -> &[Node] {
+        &self.nodes[..1]
+    }
+
+    #[inline(always)]
+    pub fn node(&self, child: Child) -> &Node {
+        &self.nodes[child.index()]
+    }
+
+    /// Calls `visit` with the quads below `entries` whose boxes the ray enters before `end`, roughly in that order, and
+    /// goes on with the nearer end that it returns, or stops without one. Whether it stopped.
     #[inline(always)]
     pub fn traverse(
         &self,
+        entries: &[Node],
         ray: &BoxProbe,
         mut end: f32,
         mut visit: impl FnMut(&Quad, f32) -> Option<f32>,
     ) -> bool {
         let mut stack = Stack::new();
-        let mut child = Child::node(0);
-        loop {
-            if child.is_quad() {
-                match visit(&self.quads[child.index()], end) {
-                    Some(nearer) => end = nearer,
-                    None => return true,
-                }
-            } else {
-                let node = &self.nodes[child.index()];
-                let (near, mut entered) = node.enter(ray, end);
-                if entered != 0 {
-                    let mut next = || {
-                        let lane = entered.trailing_zeros() as usize % LANES;
-                        entered &= entered - 1;
-                        (lane, entered == 0)
-                    };
-                    let (first, alone) = next();
-                    child = node.children[first];
-                    if alone {
-                        continue;
+        for entry in entries {
+            let mut node = entry;
+            'subtree: loop {
+                let (near, entered) = node.enter(ray, end);
+                let mut child = if entered != 0 {
+                    node.nearest(&near, entered, &mut stack)
+                } else if let Some(waiting) = stack.pop_before(end) {
+                    waiting
+                } else {
+                    break;
+                };
+                while child.is_quad() {
+                    match visit(&self.quads[child.index()], end) {
+                        Some(nearer) => end = nearer,
+                        None => return true,
                     }
-                    let entry = |lane: usize| {
-                        u64::from(near[lane].to_bits()) << 32 | u64::from(node.children[lane].0)
-                    };
-                    let mut nearest = entry(first);
-                    loop {
-                        let (lane, last) = next();
-                        let other = entry(lane);
-                        stack.push(nearest.max(other));
-                        nearest = nearest.min(other);
-                        if last {
-                            break;
-                        }
+                    match stack.pop_before(end) {
+                        Some(waiting) => child = waiting,
+                        None => break 'subtree,
                     }
-                    child = Child(nearest as u32);
-                    continue;
                 }
-            }
-            child = loop {
-                let Some(entry) = stack.pop() else { return false };
-                if f32::from_bits((entry >> 32) as u32) <= end {
-                    break Child(entry as u32);
-                }
-            };
-        }
-    }
-}
-
-/// The binary tree with the number of faces below each of its nodes.
-struct Faces<'b> {
-    tree: &'b Bvh2,
-    counts: Vec<u32>,
-}
-
-impl<'b> Faces<'b> {
-    fn count(tree: &'b Bvh2) -> Self {
-        let mut order = vec![0];
-        let mut next = 0;
-        while let Some(&node) = order.get(next) {
-            order.extend(children(&tree.nodes[node]).into_iter().flatten());
-            next += 1;
-        }
-        let mut counts = vec![0; tree.nodes.len()];
-        for node in order.into_iter().rev() {
-            let below = children(&tree.nodes[node]).map_or(0, |[a, b]| counts[a] + counts[b]);
-            counts[node] = below + tree.nodes[node].prim_count;
-        }
-        Self { tree, counts }
-    }
-
-    fn of(&self, node: usize) -> usize {
-        self.counts[node] as usize
-    }
-
-    /// The nodes that take the lanes of a wide node in place of `node`: the largest is opened until none is left
-    /// or all lanes are taken, and a node that fits a quad only if its halves are smaller than it.
-    fn open(&self, node: usize) -> impl Iterator<Item = usize> + use<> {
-        let area = |node: usize| self.tree.nodes[node].aabb().half_area();
-        let mut lanes = [node; LANES];
-        let mut taken = 1;
-        while taken < LANES {
-            let worth = |node: usize| match children(&self.tree.nodes[node]) {
-                Some(_) if self.of(node) > LANES => (true, area(node)),
-                Some([a, b]) => (false, area(node) - area(a) - area(b)),
-                None => (false, 0.0),
-            };
-            let best = (0..taken).max_by(|&a, &b| {
-                let (a, b) = (worth(lanes[a]), worth(lanes[b]));
-                a.0.cmp(&b.0).then(a.1.total_cmp(&b.1))
-            });
-            let Some(best) = best.filter(|&lane| worth(lanes[lane]) > (false, 0.0)) else { break };
-            let Some([a, b]) = children(&self.tree.nodes[lanes[best]]) else { break };
-            (lanes[best], lanes[taken]) = (a, b);
-            taken += 1;
-        }
-        lanes.into_iter().take(taken)
-    }
-
-    /// The faces below a node.
-    fn list(&self, node: usize) -> Vec<u32> {
-        let mut faces = Vec::with_capacity(self.of(node));
-        let mut waiting = vec![node];
-        while let Some(node) = waiting.pop() {
-            let node = &self.tree.nodes[node];
-            let first = node.first_index as usize;
-            match children(node) {
-                Some(children) => waiting.extend(children),
-                None => faces.extend(&self.tree.primitive_indices[first..first + node.prim_count as usize]),
+                node = self.node(child);
             }
         }
-        faces
+        false
     }
-}
-
-/// The two children of an inner node.
-fn children(node: &Bvh2Node) -> Option<[usize; 2]> {
-    let first = node.first_index as usize;
-    (!node.is_leaf()).then_some([first, first + 1])
 }
 
 #[cfg(test)]
@@ -328,7 +285,10 @@ mod tests {
     use std::time::Duration;
 
     use glam::Vec3A;
-    use obvhs::{BvhBuildParams, bvh2::builder::build_bvh2};
+    use obvhs::{
+        BvhBuildParams,
+        bvh2::{Bvh2, builder::build_bvh2},
+    };
     use proptest::prelude::*;
 
     use super::super::{Hit, quad::Probe};
@@ -360,7 +320,7 @@ mod tests {
 
     fn traced(tree: &Bvh4, ray: &BoxProbe, probe: &Probe) -> Option<f32> {
         let mut nearest = None;
-        tree.traverse(ray, f32::INFINITY, |quad, mut end| {
+        tree.traverse(tree.root(), ray, f32::INFINITY, |quad, mut end| {
             for hit in quad.intersect(probe, end).iter().flat_map(|c| c.each().map(|lane| c.hit(lane, quad)))
             {
                 if hit.t < end {
