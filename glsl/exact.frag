@@ -166,14 +166,15 @@ bool traced_radiance(uint block, out vec3 traced) {
     // Two to a texel, as halves.
     uvec4 pair = node_words(block + 1u + index / 2u);
     uvec2 halves = (index & 1u) == 0u ? pair.xy : pair.zw;
-    traced = vec3(unpackHalf2x16(halves.x), unpackHalf2x16(halves.y).x);
-    return all(lessThan(cell, corner_and_size.zw));
+    vec2 last = unpackHalf2x16(halves.y);
+    traced = vec3(unpackHalf2x16(halves.x), last.x);
+    return all(lessThan(cell, corner_and_size.zw)) && last.y != 0.0;
 }
 
 void main() {
     if (LEAVES == LEAVES_TRACED) {
         vec3 traced;
-        traced_radiance(header.z, traced);
+        if (!traced_radiance(header.z, traced)) discard;
         radiance = vec4(traced, 1.0);
         return;
     }

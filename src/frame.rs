@@ -22,6 +22,7 @@ use crate::reconstruct::paper;
 use crate::reconstruct::show::{self, FrameData, LeafKind, Overlay};
 use crate::reconstruct::supersample;
 use crate::reconstruct::vertex::VertexLayout;
+use crate::refine::direct::{Direct, DirectPixel};
 use crate::refine::mesh::Mesh;
 use crate::refine::per_pixel::{self, TracedPixel};
 use crate::refine::pixels::Shown;
@@ -444,7 +445,12 @@ impl Job<'_> {
         // The paper's queue knows no guard.
         let shaft_guard = options.effort.shaft_guard && reconstruction == Reconstruction::Exact;
         let predictor = Predictor { targets, structures, scene, view, reconstruction, shaft_guard };
-        let seeds = adjacency.one_ring(scene, topology, classes, view, visible.visible);
+        let direct = match reconstruction {
+            Reconstruction::Exact => Direct::find(scene, view, visible),
+            Reconstruction::Paper => Direct::none(),
+        };
+        let sampled: Vec<u32> = visible.visible.iter().copied().filter(|&face| !direct.is(face)).collect();
+        let seeds = adjacency.one_ring(scene, topology, &direct.without(classes), view, &sampled);
         let some = seeds.len().div_ceil(self.most_faces).max(1);
         let seeds: Vec<_> = seeds.into_iter().step_by(some).collect();
         let mesh = Mesh::new(scene, topology, view, &seeds);
@@ -452,6 +458,11 @@ impl Job<'_> {
             store.map(|Samples { vertices, pixels, .. }| (vertices, pixels)).unzip();
         let mut refiner = Refiner::new(&context, &predictor, mesh, shown, vertices);
         refiner.reserve = self.reserve;
+        refiner.add_direct(direct.pixels);
+        let direct_started = Instant::now();
+        let (direct_pixels, direct_rays) = direct.trace(&context, visible.ids, traced_before.as_deref_mut());
+        let direct_time = direct_started.elapsed();
+        let picture = (direct_pixels.as_slice(), direct.depth);
         // When a step was seen, and how long it took to show.
         let mut seen: Option<(Instant, Duration)> = None;
         let mut observe = |refiner: &Refiner| {
@@ -468,7 +479,7 @@ impl Job<'_> {
             let Refiner { mesh, pixel_faces, .. } = refiner;
             let (pixels, rays) =
                 per_pixel::trace(&context, mesh, shown, pixel_faces, traced_before.as_deref_mut());
-            after_step(&self.assemble(refiner, &pixels), refiner, rays)?;
+            after_step(&self.assemble(refiner, &pixels, picture), refiner, rays + direct_rays)?;
             seen = Some((Instant::now(), started.elapsed()));
             Ok(())
         };
@@ -482,15 +493,16 @@ impl Job<'_> {
         let Refiner { mesh, pixel_faces, .. } = &refiner;
         let (traced_pixels, pixel_rays) = per_pixel::trace(&context, mesh, shown, pixel_faces, traced_before);
         let pixels_ms = ms(time);
-        stats.time_ms.trace = refiner.samples.time.as_secs_f64() * 1e3 + pixels_ms;
+        let sampled = refiner.samples.time + direct_time;
+        stats.time_ms.trace = sampled.as_secs_f64() * 1e3 + pixels_ms;
 
         let time = Instant::now();
-        let leaves = self.assemble(&refiner, &traced_pixels);
-        stats.time_ms.refine = refined - refiner.samples.time.as_secs_f64() * 1e3 + ms(time);
+        let leaves = self.assemble(&refiner, &traced_pixels, picture);
+        stats.time_ms.refine = refined - sampled.as_secs_f64() * 1e3 + ms(time);
 
         stats.samples = refiner.samples.sampled();
         stats.reused = refiner.samples.reused;
-        stats.rays = ray_stats(refiner.samples.rays, pixel_rays);
+        stats.rays = ray_stats(refiner.samples.rays, pixel_rays + direct_rays);
         stats.steps = u64::from(refiner.steps);
         stats.stopped_by = Some(match stopped_by {
             StoppedBy::Error => stats::StoppedBy::Error,
@@ -523,13 +535,22 @@ impl Job<'_> {
         Ok(Sampled { leaves, overlay, refined: ended, cost: refiner.cost() })
     }
 
-    fn assemble(&self, refiner: &Refiner, traced: &[TracedPixel]) -> Drawn {
+    fn assemble(&self, refiner: &Refiner, traced: &[TracedPixel], direct: (&[DirectPixel], f32)) -> Drawn {
         let Refiner { mesh, samples, pixel_faces, .. } = refiner;
         let Matcher { scene, targets, base_textures, .. } = self.matcher;
         match self.options.method.reconstruction {
             Reconstruction::Exact => {
                 let Self { matcher, layout, view, .. } = *self;
-                Drawn::Exact(leaves::assemble(matcher, layout, view, mesh, samples, traced, pixel_faces))
+                Drawn::Exact(leaves::assemble(
+                    matcher,
+                    layout,
+                    view,
+                    mesh,
+                    samples,
+                    traced,
+                    pixel_faces,
+                    direct,
+                ))
             }
             Reconstruction::Paper => {
                 Drawn::Paper(paper::assemble(scene, targets, base_textures, self.view, mesh, samples))

@@ -1,11 +1,14 @@
 //! Traced pixels as the device reads them: a small rectangle of radiances for each leaf that they cover.
 
+use std::ops::Range;
+
 use glam::Vec3;
 use half::f16;
 use rayon::prelude::*;
 
 use super::table::Texel;
 use crate::constants::MAX_RADIANCE;
+use crate::refine::direct::DirectPixel;
 use crate::refine::footprint::{Footprint, TOUCHED};
 use crate::refine::mesh::Mesh;
 use crate::refine::per_pixel::TracedPixel;
@@ -99,9 +102,7 @@ impl Near<'_> {
             for x in footprint.span(y, TOUCHED) {
                 let cell = row * columns.len() + (x - columns.start) as usize;
                 let radiance = self.radiance(&footprint, face, own, x, y)?;
-                let [low, high] = halves(radiance);
-                let texel = &mut texels[start + cell / 2];
-                (texel[cell % 2 * 2], texel[cell % 2 * 2 + 1]) = (low, high);
+                put(&mut texels[start..], cell, radiance);
                 found = true;
             }
         }
@@ -144,11 +145,41 @@ impl Near<'_> {
     }
 }
 
-/// A radiance that a half can hold, in two words.
+/// One block over the rectangle around `pixels`, and that rectangle: columns, then rows. What it does not hold of it
+/// is not drawn.
+pub fn picture(view: &View, pixels: &[DirectPixel]) -> Option<([Range<u32>; 2], Vec<Texel>)> {
+    let at = |pixel: &DirectPixel| [pixel.index % view.width, pixel.index / view.width];
+    let (mut low, mut high) = ([u32::MAX; 2], [0; 2]);
+    for pixel in pixels {
+        let at = at(pixel);
+        (low, high) = ([0, 1].map(|i| low[i].min(at[i])), [0, 1].map(|i| high[i].max(at[i] + 1)));
+    }
+    let [columns, rows] = [0, 1].map(|i| low[i]..high[i]);
+    if columns.is_empty() {
+        return None;
+    }
+    let mut texels = vec![Texel::default(); 1 + (columns.len() * rows.len()).div_ceil(2)];
+    texels[0] = [columns.start, rows.start, columns.len() as u32, rows.len() as u32];
+    for pixel in pixels {
+        let [x, y] = at(pixel);
+        let cell = (y - rows.start) as usize * columns.len() + (x - columns.start) as usize;
+        put(&mut texels[1..], cell, pixel.radiance);
+    }
+    Some(([columns, rows], texels))
+}
+
+/// Writes a cell of a block.
+fn put(texels: &mut [Texel], cell: usize, radiance: Vec3) {
+    let [low, high] = halves(radiance);
+    let texel = &mut texels[cell / 2];
+    (texel[cell % 2 * 2], texel[cell % 2 * 2 + 1]) = (low, high);
+}
+
+/// A radiance that a half can hold, in two words; the fourth half says that there is one.
 fn halves(radiance: Vec3) -> [u32; 2] {
     let [r, g, b] = radiance.clamp(Vec3::splat(-MAX_RADIANCE), Vec3::splat(MAX_RADIANCE)).to_array();
     let pair = |low: f32, high: f32| {
         u32::from(f16::from_f32(low).to_bits()) | u32::from(f16::from_f32(high).to_bits()) << 16
     };
-    [pair(r, g), pair(b, 0.0)]
+    [pair(r, g), pair(b, 1.0)]
 }

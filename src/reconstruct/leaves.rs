@@ -3,15 +3,16 @@
 use std::collections::BTreeMap;
 
 use bytemuck::{Pod, Zeroable};
-use glam::Vec3;
+use glam::{Vec2, Vec3};
 use rayon::prelude::*;
 
 use super::beside::Borders;
-use super::blocks::Blocks;
+use super::blocks::{self, Blocks};
 use super::nodes::{Corner, LeafNodes, Matcher};
 use super::table::{Texel, floats};
 use super::vertex::{Attributes, VertexLayout};
 use crate::constants::*;
+use crate::refine::direct::DirectPixel;
 use crate::refine::mesh::{Mesh, Vertex};
 use crate::refine::per_pixel::TracedPixel;
 use crate::refine::samples::Samples;
@@ -111,7 +112,8 @@ impl Leaves {
     }
 }
 
-/// Assembles the leaves of `mesh` with vertices of `layout`, in parallel and in an order that depends on the mesh alone.
+/// Assembles the leaves of `mesh` with vertices of `layout`, in parallel and in an order that depends on the mesh alone;
+/// and pixels that are traced beside it, drawn at a depth.
 pub fn assemble(
     matcher: &Matcher,
     layout: VertexLayout,
@@ -120,9 +122,22 @@ pub fn assemble(
     samples: &Samples,
     traced: &[TracedPixel],
     pixel_faces: &[u32],
+    (direct, depth): (&[DirectPixel], f32),
 ) -> Leaves {
     let scene = matcher.scene;
-    let vertices = layout.pack(mesh.vertices.len(), |index| {
+    let picture = blocks::picture(view, direct);
+    let corners = picture.as_ref().map_or([Vec3::ZERO; 4], |([columns, rows], _)| {
+        let corner = |x: u32, y: u32| view.at_depth(Vec2::new(x as f32, y as f32), depth);
+        let (left, right) = (columns.start, columns.end);
+        [(left, rows.start), (right, rows.start), (right, rows.end), (left, rows.end)]
+            .map(|(x, y)| corner(x, y))
+    });
+    let room = if picture.is_some() { corners.len() } else { 0 };
+    let count = mesh.vertices.len();
+    let vertices = layout.pack(count + room, |index| {
+        if let Some(&position) = index.checked_sub(count).and_then(|corner| corners.get(corner)) {
+            return Attributes { position, ..Attributes::default() };
+        }
         let Vertex { point, normal, uv, color, tangent, .. } = mesh.vertices[index];
         Attributes { position: mesh.points[point as usize], normal, uv, color, tangent }
     });
@@ -204,6 +219,13 @@ pub fn assemble(
             result.undefined += u32::from(!nodes.defined);
             result.overflow += u64::from(nodes.overflow);
         }
+    }
+    if let Some((_, texels)) = picture {
+        let nodes = result.nodes.len() as u32;
+        result.nodes.extend(texels);
+        let halves = [[0, 1, 2], [0, 2, 3]].map(|corners| corners.map(|corner| count as u32 + corner));
+        let leaf = |vertices| GpuLeaf { vertices, flags: LEAF_TRACED, nodes, ..GpuLeaf::zeroed() };
+        groups.entry(Group::traced(true)).or_default().extend(halves.map(leaf));
     }
     result.groups = groups.iter().map(|(&group, leaves)| (group, leaves.len() as u32)).collect();
     result.leaves = groups.into_values().flatten().collect();

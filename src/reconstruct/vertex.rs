@@ -7,7 +7,7 @@ use rayon::prelude::*;
 use crate::constants::*;
 
 /// All that a vertex can have.
-#[derive(Debug, Clone, Copy)]
+#[derive(Debug, Clone, Copy, Default)]
 pub struct Attributes {
     /// Relative to the scene's origin.
     pub position: Vec3,

@@ -5,6 +5,7 @@
 //! Faces that are still undefined at a few pixels leave the queue: their pixels are traced one by one.
 
 pub mod dense;
+pub mod direct;
 pub mod footprint;
 pub mod guard;
 mod judge;
@@ -174,6 +175,12 @@ impl<'a> Refiner<'a> {
             Reconstruction::Exact if self.is_mapped(face) => MAPPED_STOP_SIZE,
             Reconstruction::Exact => STOP_SIZE,
         }
+    }
+
+    /// Lets `pixels` that are traced beside the mesh count as refined, and against a budget.
+    pub fn add_direct(&mut self, pixels: u64) {
+        self.pixel_budget_used += pixels as f32;
+        self.total_pixels += pixels as f32;
     }
 
     /// Samples that count against a budget: vertices, and pixels traced one by one.

@@ -109,33 +109,36 @@ impl Chunk {
                 }
                 let index = y * view.width + x;
                 let kept = known.and_then(|known| known.get(index, base));
-                let radiance = kept.or_else(|| self.radiance(context, shown, base, origin, direction));
+                let radiance = kept.or_else(|| self.radiance(context, shown, base, (origin, direction)));
                 self.pixels.extend(radiance.map(|radiance| TracedPixel { index, face, radiance }));
             }
         }
     }
 
     /// What a view ray sees of base face `base`, if it shows there.
-    fn radiance(
-        &mut self,
-        context: &Context,
-        shown: Shown,
-        base: u32,
-        origin: Vec3,
-        direction: Vec3,
-    ) -> Option<Vec3> {
+    fn radiance(&mut self, context: &Context, shown: Shown, base: u32, ray: (Vec3, Vec3)) -> Option<Vec3> {
         if matches!(shown, Shown::Counts(_)) {
             self.rays.primary += 1;
-            context.tracer.closest(origin, direction).filter(|hit| hit.face == base)?;
+            context.tracer.closest(ray.0, ray.1).filter(|hit| hit.face == base)?;
         }
-        let surface = surface_at(context, base, origin, direction)?;
-        self.nodes.clear();
-        let from_eye = context.view.distance_to(surface.position);
-        let (nodes, rays) = (&mut self.nodes, &mut self.rays);
-        let primary = sample::trace_surface(context, &surface, direction, from_eye, nodes, rays);
-        let own = primary.local.radiance(primary.texel);
-        Some(self.nodes.iter().fold(own, |sum, node| sum + node.radiance()))
+        radiance(context, base, ray, &mut self.nodes, &mut self.rays)
     }
+}
+
+/// What a view ray, origin and direction, sees of base face `base`; `None` if that has no area. `nodes` is room to work in.
+pub(super) fn radiance(
+    context: &Context,
+    base: u32,
+    (origin, direction): (Vec3, Vec3),
+    nodes: &mut Vec<sample::Node>,
+    rays: &mut Rays,
+) -> Option<Vec3> {
+    let surface = surface_at(context, base, origin, direction)?;
+    nodes.clear();
+    let from_eye = context.view.distance_to(surface.position);
+    let primary = sample::trace_surface(context, &surface, direction, from_eye, nodes, rays);
+    let own = primary.local.radiance(primary.texel);
+    Some(nodes.iter().fold(own, |sum, node| sum + node.radiance()))
 }
 
 /// The point of base face `base` under a view ray.

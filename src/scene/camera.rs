@@ -147,6 +147,12 @@ impl View {
         }
     }
 
+    /// The point at `depth` before the eye, along the view's axis, that is seen at the image point `pixel`.
+    pub fn at_depth(&self, pixel: Vec2, depth: f32) -> Vec3 {
+        let (origin, direction) = self.ray(pixel);
+        origin + direction * (depth / direction.dot(self.forward))
+    }
+
     /// Unit direction of the view ray that arrives at `point`.
     pub fn direction_to(&self, point: Vec3) -> Vec3 {
         if self.orthographic { self.forward } else { (point - self.eye).normalize_or(self.forward) }

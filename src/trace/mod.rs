@@ -14,7 +14,7 @@ pub mod surface;
 pub mod texel;
 mod wide;
 
-use std::ops::AddAssign;
+use std::ops::{Add, AddAssign};
 
 pub use crate::options::Shadows;
 use crate::options::{PathOptions, SceneOptions};
@@ -96,5 +96,14 @@ impl AddAssign for Rays {
         self.reflected += other.reflected;
         self.transmitted += other.transmitted;
         self.shadow += other.shadow;
+    }
+}
+
+impl Add for Rays {
+    type Output = Self;
+
+    fn add(mut self, other: Self) -> Self {
+        self += other;
+        self
     }
 }

@@ -1,0 +1,151 @@
+//! Specular faces so many and so small that the refined mesh need not know them: their pixels are traced from the image
+//! of the faces alone, and drawn as one picture.
+
+use std::borrow::Cow;
+
+use glam::{Vec2, Vec3};
+use rayon::prelude::*;
+
+use super::dense::DENSE_PIXELS;
+use super::per_pixel;
+use super::store::PixelStore;
+use crate::scene::{Scene, View};
+use crate::trace::Rays;
+use crate::trace::sample::Context;
+use crate::visibility::{Class, Found, IdImage};
+
+/// Number of such faces from which leaving them out of the mesh is worth a picture of the frame's size.
+const MANY: usize = 16_384;
+
+/// Rows that one task traces.
+const ROWS: usize = 8;
+
+/// Share of the way from the eye to the nearest of these faces at which their picture is drawn: before all that they hide.
+const BEFORE: f32 = 0.5;
+
+/// A pixel of such a face.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct DirectPixel {
+    /// `y · width + x`.
+    pub index: u32,
+    /// Linear radiance.
+    pub radiance: Vec3,
+}
+
+/// The visible faces that are traced directly.
+#[derive(Debug, Clone, Default)]
+pub struct Direct {
+    /// By face of the scene; empty if there is none.
+    is_direct: Vec<bool>,
+    /// Objects that have such faces, ascending.
+    objects: Vec<u32>,
+    /// Pixels that they own.
+    pub pixels: u64,
+    /// Depth before the eye, along the view's axis, at which their picture is drawn: nearer than any of them.
+    pub depth: f32,
+}
+
+impl Direct {
+    /// No face is.
+    pub fn none() -> Self {
+        Self::default()
+    }
+
+    /// Those of `found`, if they are many: specular faces of fewer than [`DENSE_PIXELS`] pixels. It must be known which
+    /// pixels show them.
+    pub fn find(scene: &Scene, view: &View, found: &Found) -> Self {
+        let counts = &found.faces.pixels_per_face;
+        let is_small =
+            |&&face: &&u32| (1..DENSE_PIXELS).contains(&counts[face as usize]) && scene.is_vt(face);
+        if found.ids.is_none() || found.visible.len() < MANY {
+            return Self::none();
+        }
+        let faces: Vec<u32> = found.visible.par_iter().filter(is_small).copied().collect();
+        if faces.len() < MANY {
+            return Self::none();
+        }
+        let mut objects: Vec<u32> =
+            faces.iter().map(|&face| scene.geometry.face_objects[face as usize]).collect();
+        objects.dedup();
+        objects.sort_unstable();
+        objects.dedup();
+        let mut direct = Self { is_direct: vec![false; counts.len()], objects, pixels: 0, depth: 0.0 };
+        for &face in &faces {
+            direct.is_direct[face as usize] = true;
+            direct.pixels += u64::from(counts[face as usize]);
+        }
+        let depth_of = |&face: &u32| {
+            let depths = scene.geometry.corners(face).map(|corner| (corner - view.eye).dot(view.forward));
+            depths.into_iter().fold(f32::INFINITY, f32::min)
+        };
+        let nearest = faces.par_iter().map(depth_of).reduce(|| f32::INFINITY, f32::min);
+        direct.depth = (nearest * BEFORE).max(2.0 * view.near);
+        direct
+    }
+
+    /// Whether there is none.
+    pub fn is_empty(&self) -> bool {
+        self.is_direct.is_empty()
+    }
+
+    /// `classes` for finding the faces around the others: between faces of a pixel or two those that own none are not worth
+    /// the samples of their corners.
+    pub fn without<'c>(&self, classes: &'c [Class]) -> Cow<'c, [Class]> {
+        let mut classes = Cow::Borrowed(classes);
+        for &object in &self.objects {
+            classes.to_mut()[object as usize] = Class::Occluder;
+        }
+        classes
+    }
+
+    /// Whether `face` of the scene is one of them.
+    pub fn is(&self, face: u32) -> bool {
+        self.is_direct.get(face as usize).is_some_and(|&is| is)
+    }
+
+    /// Traces their pixels in `ids`, row by row. Pixels that `store` knows are not traced, and it learns the others.
+    pub fn trace(
+        &self,
+        context: &Context,
+        ids: Option<IdImage>,
+        mut store: Option<&mut PixelStore>,
+    ) -> (Vec<DirectPixel>, Rays) {
+        let Some(ids) = ids.filter(|_| !self.is_empty()) else { return Default::default() };
+        if let Some(store) = &mut store {
+            store.look_at(context.view);
+        }
+        let known = store.as_deref();
+        let width = context.view.width;
+        let chunks: Vec<(Vec<(u32, DirectPixel)>, Rays)> = (0..context.view.height)
+            .collect::<Vec<_>>()
+            .par_chunks(ROWS)
+            .map(|rows| {
+                let (mut pixels, mut rays, mut nodes) = (Vec::new(), Rays::default(), Vec::new());
+                for (x, y) in rows.iter().flat_map(|&y| (0..width).map(move |x| (x, y))) {
+                    let Some(base) = ids.face(x, y).filter(|&base| self.is(base)) else { continue };
+                    let index = y * width + x;
+                    let (origin, direction) = context.view.ray(Vec2::new(x as f32, y as f32) + 0.5);
+                    let kept = known.and_then(|known| known.get(index, base));
+                    let radiance = kept.or_else(|| {
+                        per_pixel::radiance(context, base, (origin, direction), &mut nodes, &mut rays)
+                    });
+                    let radiance = radiance.unwrap_or(Vec3::ZERO);
+                    pixels.push((base, DirectPixel { index, radiance }));
+                }
+                (pixels, rays)
+            })
+            .collect();
+        let mut total = Rays::default();
+        let mut all = Vec::with_capacity(self.pixels as usize);
+        for (pixels, rays) in chunks {
+            total += rays;
+            if let Some(store) = &mut store {
+                for &(base, DirectPixel { index, radiance }) in &pixels {
+                    store.insert(index, base, radiance);
+                }
+            }
+            all.extend(pixels.into_iter().map(|(_, pixel)| pixel));
+        }
+        (all, total)
+    }
+}
