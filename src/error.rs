@@ -61,6 +61,9 @@ pub enum Error {
     /// Two images cannot be compared.
     #[error("{0}")]
     Compare(String),
+    /// A measurement exceeds what is promised of it.
+    #[error("{0}")]
+    Bound(String),
     /// The user stopped the work.
     #[error("interrupted")]
     Interrupted,

@@ -38,7 +38,7 @@ use crate::trace::{Rays, Settings, Tracer};
 use crate::visibility::{Adjacency, Class, Finder, Found};
 
 pub use ahead::Ahead;
-use ahead::Undelivered;
+use ahead::{Undelivered, overlaid};
 pub use kept::Kept;
 use kept::{Painted, Samples};
 
@@ -277,7 +277,7 @@ impl<'s> Renderer<'s> {
     pub fn render_steps(&mut self, view: &View, after_step: Option<Observer>) -> Result<Frame> {
         let Undelivered { mean, overlay, stats } = self.draw(view, after_step)?;
         let image = mean.map_or_else(|| self.painted.painter.read_image(), Ok)?;
-        Ok(Frame { image: overlay.map_or(image.clone(), |overlay| overlay.over(&image)), stats })
+        Ok(Frame { image: overlaid(image, overlay), stats })
     }
 
     /// Draws one frame; its image stays with the painter, unless it is a mean of several.

@@ -248,6 +248,34 @@ fn the_error_is_predicted_within_a_factor_of_two() {
 }
 
 #[test]
+fn the_shaft_guard_finds_what_stands_between_samples() {
+    let gpu = TestGpu::open();
+    let mut builder = SceneBuilder::new("needles before a mirror");
+    let metal = builder.material(chrome("silver", Vec3::ONE));
+    let bright = builder.material(Material { unlit: true, ..matte("bright") });
+    let dark = builder.material(Material { base_color: Vec4::W, unlit: true, ..matte("dark") });
+    builder.mesh("mirror", shape::plane(vec3(-2.0, -2.0, 0.0), Vec3::X * 4.0, Vec3::Y * 4.0, 1.0), metal);
+    builder.mesh("wall", shape::plane(vec3(6.0, -6.0, 8.0), Vec3::NEG_X * 12.0, Vec3::Y * 12.0, 1.0), bright);
+    for i in 0..5 {
+        let at = vec3(-1.2 + 0.6 * i as f32, -0.63 + 0.29 * i as f32, 4.0);
+        builder.mesh("needle", shape::plane(at, Vec3::NEG_X * 0.06, Vec3::Y * 0.5, 1.0), dark);
+    }
+    builder.camera(Camera::look_at(vec3(0.0, 0.0, 3.5), Vec3::ZERO, 0.8));
+    let scene = builder.build().unwrap();
+    let error = |shaft_guard: bool| {
+        let mut options = options(320, 256);
+        options.effort.shaft_guard = shaft_guard;
+        let truth = traced(&scene, &options, 1, None);
+        let frame = gpu.render(&scene, &options);
+        over_vt(&frame, &options, &truth).rmse
+    };
+    let (with, without) = (error(true), error(false));
+    println!("RMSE {with:.4} with the guard, {without:.4} without");
+    assert!(with < 0.5 * without, "RMSE {with:.4} with the guard, {without:.4} without");
+    gpu.finish();
+}
+
+#[test]
 fn anti_aliasing_adds_no_ray() {
     let gpu = TestGpu::open();
     for (demo, samples) in [(Demo::Cup, 4_000), (Demo::Sphere, 4_000)] {

@@ -16,6 +16,7 @@ use vertex_tracing::{
         FloatImage,
         metrics::{Encoding, compare},
         output::write_image,
+        stats::StoppedBy,
     },
     scene::{
         Camera, Image, Material, Sampler, Scene, View, Wrap,
@@ -220,6 +221,10 @@ fn demos_stand_near_the_reference() {
         let psnr = psnr(&frame.image, &traced);
         println!("{}: {psnr:.2} dB, {} samples", demo.name(), frame.stats.samples);
         assert!(psnr >= least, "{}: {psnr:.2} dB, {least} wanted", demo.name());
+        // Displacement alone would be within the error sooner, and leave ragged shadows.
+        assert_eq!(frame.stats.stopped_by, Some(StoppedBy::Error));
+        let color = frame.stats.predicted_rmse.unwrap();
+        assert!(color <= f64::from(options.effort.error) * 0.005, "{}: off by {color}", demo.name());
     }
     gpu.finish();
 }

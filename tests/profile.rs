@@ -8,7 +8,7 @@ use serde_json::Value;
 use vertex_tracing::{
     gpu::ReadbackMemory,
     report::profile::{
-        Profile, STAGES,
+        MOST_COPIES, Profile, STAGES,
         measure::{Plan, measure},
     },
     scene::demo::Demo,
@@ -66,11 +66,38 @@ fn rows_follow_the_contract() {
     assert_eq!(rings, [(1, 0), (2, 1), (3, 2)]);
     assert!(profile.rings.iter().all(|ring| ring.frames_per_second > 0.0 && ring.latency.median_ms > 0.0));
 
+    let [bound] = &profile.bounds[..] else { panic!("{:?}", profile.bounds) };
+    assert!(bound.best_ms > 0.0 && bound.ratio == bound.best_ms / bound.against_best_ms);
+    assert_eq!(bound.holds, bound.ratio <= MOST_COPIES);
+
     let table = profile.to_string();
+    assert!(table.contains(if bound.holds { "at most 1.5: kept" } else { "NOT KEPT" }), "{table}");
     assert!(table.contains("id-buffer") && table.contains("paper (2003): 1024x768"), "{table}");
     #[cfg(feature = "plots")]
     {
         let svg = vertex_tracing::report::profile::plot::svg(&profile).unwrap();
         assert!(svg.starts_with("<svg") && svg.contains("single-pass") && svg.contains("paper, 2003"));
     }
+}
+
+/// As a user meets it, for a validation layer would be measured too.
+#[cfg(feature = "cli")]
+#[test]
+fn reading_and_scanning_take_little_more_than_a_copy() {
+    // Work beside it makes the minima of some turns miss; it does not keep any of them from being met for long.
+    const TRIES: usize = 6;
+    let folder = tempfile::tempdir().unwrap();
+    let cup = folder.path().join("cup.glb");
+    std::fs::write(&cup, Demo::Cup.glb()).unwrap();
+    let kept = |try_: usize| {
+        let mut vtrace = std::process::Command::new(env!("CARGO_BIN_EXE_vtrace"));
+        vtrace.env_remove("VTRACE_VALIDATION").args(["profile", "--quick", "--check"]).arg(&cup);
+        let output = vtrace.output().unwrap();
+        let [said, complaint] = [output.stdout, output.stderr].map(|bytes| String::from_utf8(bytes).unwrap());
+        let bound = said.lines().find(|line| line.contains("reading back and scanning 1280x1024"));
+        println!("{try_}: {}", bound.unwrap_or_else(|| panic!("{complaint}")));
+        assert_eq!(output.status.success(), !complaint.contains("NOT KEPT"), "{complaint}");
+        output.status.success()
+    };
+    assert!((0..TRIES).any(kept), "see above");
 }

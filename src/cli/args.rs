@@ -102,7 +102,8 @@ pub struct EffortArgs {
     /// Trace the vertices of visible faces only; no refinement
     #[arg(long, conflicts_with_all = ["error", "max_samples", "budget"])]
     pub preview: bool,
-    /// Refine until reflections are predicted to be displaced by no more than this
+    /// Refine until reflections are predicted to be displaced by no more than this, and colours to be off by no more
+    /// than 0.005 of it
     #[arg(long, value_name = "PIXELS", default_value_t = EffortOptions::default().error, value_parser = values::non_negative)]
     pub error: f32,
     /// Trace no more vertices than this

@@ -30,6 +30,11 @@ pub struct ProfileArgs {
     /// Measure one small image and one small mirror, in seconds
     #[arg(long)]
     quick: bool,
+    /// Fail where what is promised of 1280x1024 pixels is not kept: reading back and scanning in at most 1.5 plain copies
+    /// and, unless --quick or on a software device, counting a million triangles on the device in less time than that way
+    /// takes
+    #[arg(long)]
+    check: bool,
     /// Device to measure, by name or by index of `vtrace devices`
     #[arg(long, value_name = "NAME|INDEX", help_heading = "Machine")]
     device: Option<String>,
@@ -54,7 +59,11 @@ pub(super) fn run(args: &ProfileArgs) -> Result<()> {
         write_file(&folder.join("profile.txt"), profile.to_string().as_bytes())?;
         write_plot(&folder.join("profile.svg"), &profile)?;
     }
-    terminal::print(&if args.json { json } else { profile.to_string() })
+    terminal::print(&if args.json { json } else { profile.to_string() })?;
+    match profile.bounds.iter().find(|bound| args.check && bound.promised && !bound.holds) {
+        Some(bound) => Err(Error::Bound(format!("{bound}; on a machine with other work to do, try again"))),
+        None => Ok(()),
+    }
 }
 
 #[cfg(feature = "plots")]

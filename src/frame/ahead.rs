@@ -44,6 +44,14 @@ impl Renderer<'_> {
     }
 }
 
+/// The picture that is asked for: of the image, or over it.
+pub(super) fn overlaid(image: FloatImage, overlay: Option<Overlay>) -> FloatImage {
+    match overlay {
+        Some(overlay) => overlay.over(&image),
+        None => image,
+    }
+}
+
 impl Ahead {
     /// What it took.
     pub fn stats(&self) -> &Stats {
@@ -60,7 +68,6 @@ impl Ahead {
             Some(Delivery::Done(image)) => image,
             None => FloatImage { width: 0, height: 0, pixels: Vec::new() },
         };
-        let image = self.overlay.map_or(image.clone(), |overlay| overlay.over(&image));
-        Ok(Frame { image, stats: self.stats })
+        Ok(Frame { image: overlaid(image, self.overlay), stats: self.stats })
     }
 }

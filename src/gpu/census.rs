@@ -29,12 +29,26 @@ pub struct Tally {
 #[derive(Debug, Clone, PartialEq, Eq, Default)]
 pub struct Census {
     entries: BTreeMap<(Kind, String), Tally>,
+    calls: BTreeMap<&'static str, u64>,
 }
 
 impl Census {
     pub(super) fn add(&mut self, kind: Kind, name: &str, bytes: u64) {
         let tally = self.entries.entry((kind, name.into())).or_default();
         *tally = *tally + Tally { count: 1, bytes };
+    }
+
+    /// Counts a call that succeeded, if it is one that makes something.
+    pub(super) fn add_call(&mut self, call: &'static str) {
+        if call.starts_with("vkCreate") || call.starts_with("vkAllocate") {
+            *self.calls.entry(call).or_default() += 1;
+        }
+    }
+
+    /// How often each Vulkan call that creates or allocates something was made, by name. `vkAllocateMemory` stands for
+    /// every piece of memory that a resource got, though most pieces are parts of larger blocks.
+    pub fn calls(&self) -> &BTreeMap<&'static str, u64> {
+        &self.calls
     }
 
     /// All objects of a kind.
@@ -79,6 +93,10 @@ mod tests {
         assert_eq!(census.all(Kind::Buffer), Tally { count: 3, bytes: 28 });
         assert_eq!(census.named(Kind::Buffer, "a"), Tally { count: 2, bytes: 20 });
         assert_eq!(census.all(Kind::Pipeline), Tally::default());
+        for call in ["vkCreateImage", "vkCreateImage", "vkAllocateMemory", "vkQueueSubmit2"] {
+            census.add_call(call);
+        }
+        assert_eq!(census.calls(), &BTreeMap::from([("vkCreateImage", 2), ("vkAllocateMemory", 1)]));
         assert_eq!(census.names(Kind::Buffer).collect::<Vec<_>>(), ["a", "b"]);
     }
 }

@@ -233,7 +233,10 @@ impl Gpu {
         let mut faults = lock(&self.faults);
         let injected = faults.iter().position(|fault| fault.0 == call).map(|index| faults.remove(index).1);
         drop(faults);
-        injected.map_or_else(|| function(&self.device), Err).map_err(vulkan_error(call, object))
+        let outcome =
+            injected.map_or_else(|| function(&self.device), Err).map_err(vulkan_error(call, object))?;
+        lock(&self.census).add_call(call);
+        Ok(outcome)
     }
 
     /// Counts an object that was created.

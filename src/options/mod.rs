@@ -103,7 +103,8 @@ impl Default for MethodOptions {
 pub struct EffortOptions {
     /// Primary vertices only, no refinement step.
     pub preview: bool,
-    /// Predicted RMS displacement of what is reflected, in pixels over VT pixels (design §6).
+    /// Predicted RMS displacement of what is reflected, in pixels over VT pixels (design §6); 0.005 of it also bounds
+    /// the predicted RMS error of linear radiance, since not all errors are displacements.
     pub error: f32,
     /// Most vertices to trace.
     pub max_samples: Option<u64>,

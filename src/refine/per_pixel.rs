@@ -13,6 +13,9 @@ use crate::trace::{Rays, Surface};
 /// Leaves whose pixels one task traces.
 const CHUNK: usize = 16;
 
+/// Side of the squares of pixels whose leaves are traced one after another: their rays take similar ways.
+const TILE: u32 = 16;
+
 /// Distance from all sides of a leaf, in pixels, at which a pixel's centre is certainly in it.
 const CERTAIN: f32 = 2.0 * ROUNDING;
 
@@ -29,7 +32,7 @@ pub struct TracedPixel {
 
 /// Traces the pixels whose centres lie in the leaves `faces`, from the point of the base face that shows
 /// there. An image of the faces says where it does; without one, a primary ray a pixel. Pixels that `store` knows are
-/// not traced, and it learns the others. Pixels come in the order of `faces`, those of one face row by row.
+/// not traced, and it learns the others. Pixels of one face come together, row by row.
 pub fn trace(
     context: &Context,
     mesh: &Mesh,
@@ -41,6 +44,11 @@ pub fn trace(
         store.look_at(context.view);
     }
     let known = store.as_deref();
+    let mut faces = faces.to_vec();
+    faces.sort_by_cached_key(|&face| {
+        let Footprint { columns, rows, .. } = Footprint::new(mesh, context.view, face);
+        (rows.start / TILE, columns.start / TILE, face)
+    });
     let chunks: Vec<Chunk> = faces
         .par_chunks(CHUNK)
         .map(|faces| {

@@ -5,7 +5,7 @@ use std::{sync::Arc, time::Instant};
 use super::{
     Class, Times, VisibleFaces,
     face_draw::{FaceDraw, IdImages},
-    scan::visible_in,
+    scan::{Scanner, visible_in},
 };
 use crate::{
     constants::{COUNT_GROUP, COUNT_STRIP},
@@ -47,6 +47,7 @@ pub struct Pass {
     counts: DeviceBuffer,
     staging: ReadbackBuffer,
     target: Option<(IdImages, DescriptorSet)>,
+    scanner: Scanner,
     faces: VisibleFaces,
 }
 
@@ -73,6 +74,7 @@ impl Pass {
             counts: DeviceBuffer::new(gpu, "face counts", bytes)?,
             staging: ReadbackBuffer::new(gpu, "face counts staging", bytes, readback)?,
             target: None,
+            scanner: Scanner::default(),
             faces: VisibleFaces::default(),
         })
     }
@@ -99,7 +101,8 @@ impl Pass {
         let counts: &[u32] = self.staging.read(self.draw.face_count)?;
         let total = start.elapsed();
         let start = Instant::now();
-        self.faces.set_counts(counts, &self.draw.vt_faces, &self.draw.shadow_faces);
+        let FaceDraw { vt_faces, shadow_faces, .. } = &self.draw;
+        self.scanner.take_counts(counts, vt_faces, shadow_faces, &mut self.faces);
         let scan = start.elapsed();
         Ok(Counted {
             visible_vt: visible_in(&self.faces.visible, &self.draw.vt_faces),

@@ -13,6 +13,7 @@ mod finder;
 pub mod id_buffer;
 mod mask;
 pub mod ring;
+mod runs;
 pub mod scan;
 pub mod single_pass;
 

@@ -1,27 +1,21 @@
 //! Scans the ID buffer: pixels of each face, and the faces that have any.
 
-use std::ops::Range;
+use std::{
+    ops::Range,
+    sync::atomic::{AtomicUsize, Ordering},
+};
 
-use rayon::prelude::*;
-
+use super::runs::{PIECE, Runs};
 use crate::constants::{CODE_SHADOW, CODE_VT};
 
 /// Fewest pixels that are worth a task of their own: a few dozen microseconds of work.
 const PIXELS_PER_TASK: usize = 1 << 14;
+/// Pixels that a task takes at once: few enough that all tasks end together, though some begin late.
+const BAND: usize = 16 * PIECE;
+/// Fewest faces whose counts are worth a task of their own.
+const FACES_PER_TASK: usize = 1 << 15;
 /// Counters that all tasks together may have, 4 bytes each; scenes with more faces get fewer tasks.
 const MOST_COUNTERS: usize = 1 << 25;
-/// Pixels compared at once; the compiler turns a block into a few vector instructions.
-const BLOCK: usize = 16;
-/// A bit for each of them.
-const BITS: [u32; BLOCK] = {
-    let mut bits = [0; BLOCK];
-    let mut i = 0;
-    while i < BLOCK {
-        bits[i] = 1 << i;
-        i += 1;
-    }
-    bits
-};
 /// With fewer than one visible face in so many, only those are looked at, and sorted, instead of all faces.
 const SPARSE: usize = 16;
 
@@ -39,69 +33,6 @@ pub struct VisibleFaces {
     pub vt_pixels: u64,
     /// Pixels on shadow receivers.
     pub shadow_pixels: u64,
-}
-
-impl VisibleFaces {
-    /// Sets everything from `counts`, the pixels of each face; `vt` and `shadow` are the faces of the two classes.
-    pub fn set_counts(&mut self, counts: &[u32], vt: &[Range<u32>], shadow: &[Range<u32>]) {
-        let pixels = |faces: &[Range<u32>]| {
-            let counts = faces.iter().flat_map(|faces| &counts[faces.start as usize..faces.end as usize]);
-            counts.map(|&count| u64::from(count)).sum()
-        };
-        (self.vt_pixels, self.shadow_pixels) = (pixels(vt), pixels(shadow));
-        self.pixels_per_face.clear();
-        self.pixels_per_face.extend_from_slice(counts);
-        self.list_visible();
-    }
-
-    /// Sets everything from what the tasks counted, and leaves their counts 0.
-    fn set_sums(&mut self, partials: &mut [Partial], faces: usize) {
-        self.vt_pixels = partials.iter_mut().map(|partial| std::mem::take(&mut partial.vt_pixels)).sum();
-        self.shadow_pixels =
-            partials.iter_mut().map(|partial| std::mem::take(&mut partial.shadow_pixels)).sum();
-        let touched: usize = partials.iter().map(|partial| partial.touched.len()).sum();
-        if touched * SPARSE < faces && self.pixels_per_face.len() == faces {
-            self.add_touched(partials);
-        } else {
-            self.add_all(partials, faces);
-        }
-    }
-
-    fn add_touched(&mut self, partials: &mut [Partial]) {
-        for face in self.visible.drain(..) {
-            self.pixels_per_face[face as usize] = 0;
-        }
-        for Partial { counts, touched, .. } in partials {
-            for face in touched.drain(..) {
-                let count = &mut self.pixels_per_face[face as usize];
-                if *count == 0 {
-                    self.visible.push(face);
-                }
-                *count += std::mem::take(&mut counts[face as usize]);
-            }
-        }
-        self.visible.sort_unstable();
-    }
-
-    fn add_all(&mut self, partials: &mut [Partial], faces: usize) {
-        self.pixels_per_face.clear();
-        self.pixels_per_face.resize(faces, 0);
-        for Partial { counts, touched, .. } in partials {
-            touched.clear();
-            let counts = counts.par_iter_mut().with_min_len(PIXELS_PER_TASK);
-            self.pixels_per_face
-                .par_iter_mut()
-                .zip(counts)
-                .for_each(|(sum, count)| *sum += std::mem::take(count));
-        }
-        self.list_visible();
-    }
-
-    fn list_visible(&mut self) {
-        self.visible.clear();
-        let counted = (0..).zip(&self.pixels_per_face).filter(|(_, count)| **count > 0);
-        self.visible.extend(counted.map(|(face, _)| face));
-    }
 }
 
 /// How many of the `visible` faces, ascending, lie in these ranges.
@@ -137,20 +68,12 @@ impl IdImage<'_> {
     }
 }
 
-/// Counters that are kept from scan to scan.
+/// Counts pixels; what it needs for that is kept from scan to scan.
 #[derive(Debug, Default)]
 pub struct Scanner {
-    partials: Vec<Partial>,
-}
-
-/// What one task counted.
-#[derive(Debug, Default)]
-struct Partial {
-    /// Pixels of each face; 0 for all but the `touched` ones.
-    counts: Vec<u32>,
-    touched: Vec<u32>,
-    vt_pixels: u64,
-    shadow_pixels: u64,
+    tallies: Vec<Tally>,
+    /// Visible faces of each [`FACES_PER_TASK`] faces.
+    lists: Vec<Vec<u32>>,
 }
 
 impl Scanner {
@@ -160,63 +83,150 @@ impl Scanner {
     pub fn scan(&mut self, pixels: &[u32], faces: usize, result: &mut VisibleFaces) {
         let most = (MOST_COUNTERS / faces.max(1)).clamp(1, rayon::current_num_threads());
         let tasks = (pixels.len() / PIXELS_PER_TASK).clamp(1, most);
-        self.partials.resize_with(tasks, Partial::default);
-        let chunks = pixels.par_chunks(pixels.len().div_ceil(tasks).max(1));
-        self.partials.par_iter_mut().zip(chunks).for_each(|(partial, chunk)| partial.count(chunk, faces));
-        result.set_sums(&mut self.partials, faces);
-    }
-}
-
-impl Partial {
-    fn count(&mut self, pixels: &[u32], faces: usize) {
-        self.counts.resize(faces, 0);
-        for_each_run(pixels, |pixel, length| {
-            match pixel >> 24 {
-                CODE_VT => self.vt_pixels += u64::from(length),
-                CODE_SHADOW => self.shadow_pixels += u64::from(length),
-                _ => {}
-            }
-            let face = (pixel & 0xff_ffff).wrapping_sub(1);
-            if let Some(count) = self.counts.get_mut(face as usize) {
-                if *count == 0 {
-                    self.touched.push(face);
-                }
-                *count += length;
+        self.tallies.resize_with(tasks, Tally::default);
+        let (bands, next) = (pixels.chunks(BAND), AtomicUsize::new(0));
+        on_all(self.tallies.iter_mut(), |tally| {
+            tally.reset(faces);
+            while let Some(band) = bands.clone().nth(next.fetch_add(1, Ordering::Relaxed)) {
+                band.chunks(PIECE).for_each(|piece| tally.count(piece));
             }
         });
+        result.vt_pixels = self.tallies.iter().map(|tally| tally.vt_pixels).sum();
+        result.shadow_pixels = self.tallies.iter().map(|tally| tally.shadow_pixels).sum();
+        let few = self.tallies.iter().map(|tally| tally.touched).sum::<usize>() <= faces / SPARSE;
+        if few && result.pixels_per_face.len() == faces {
+            result.set_touched(&self.tallies);
+        } else {
+            let tallies = &self.tallies;
+            result.set_all(faces, &mut self.lists, |first, sums| {
+                sums.fill(0);
+                for tally in tallies {
+                    // Counter 0 is of pixels without a face.
+                    let counts = &tally.counts[1 + first..];
+                    sums.iter_mut().zip(counts).for_each(|(sum, count)| *sum += count);
+                }
+            });
+        }
+    }
+
+    /// Sets all of `result` from `counts`, the pixels of each face; `vt` and `shadow` are the faces of the two classes.
+    pub fn take_counts(
+        &mut self,
+        counts: &[u32],
+        vt: &[Range<u32>],
+        shadow: &[Range<u32>],
+        result: &mut VisibleFaces,
+    ) {
+        result.set_all(counts.len(), &mut self.lists, |first, sums| {
+            sums.copy_from_slice(&counts[first..first + sums.len()]);
+        });
+        let pixels = |faces: &[Range<u32>]| {
+            let counts = faces.iter().flat_map(|faces| &counts[faces.start as usize..faces.end as usize]);
+            counts.map(|&count| u64::from(count)).sum()
+        };
+        (result.vt_pixels, result.shadow_pixels) = (pixels(vt), pixels(shadow));
     }
 }
 
-/// Calls `visit` with every run of equal, non-zero pixels and its length.
-fn for_each_run(pixels: &[u32], mut visit: impl FnMut(u32, u32)) {
-    let mut start = 0;
-    let mut end_run = |end: usize| {
-        if pixels[start] != 0 {
-            visit(pixels[start], (end - start) as u32);
+impl VisibleFaces {
+    /// Sets the counts of the faces that tallies touched, and resets those of the last frame.
+    fn set_touched(&mut self, tallies: &[Tally]) {
+        for face in self.visible.drain(..) {
+            self.pixels_per_face[face as usize] = 0;
         }
-        start = end;
-    };
-    let Some((_, after)) = pixels.split_first() else { return };
-    let (blocks, blocks_before) = (after.chunks_exact(BLOCK), pixels.chunks_exact(BLOCK));
-    let whole = after.len() - blocks.remainder().len();
-    for (index, (block, before)) in blocks.zip(blocks_before).enumerate() {
-        // Long runs first: one comparison of a whole block.
-        if block.iter().zip(before).fold(0, |differing, (a, b)| differing | (a ^ b)) == 0 {
-            continue;
+        for tally in tallies {
+            for &id in &tally.ids[..tally.touched] {
+                let Some(face) = id.checked_sub(1) else { continue };
+                let count = &mut self.pixels_per_face[face as usize];
+                if *count == 0 {
+                    self.visible.push(face);
+                }
+                *count += tally.counts[id as usize];
+            }
         }
-        let changes = BITS.iter().zip(block.iter().zip(before));
-        let mut changes = changes.fold(0, |bits, (bit, (a, b))| bits | if a == b { 0 } else { *bit });
-        while changes != 0 {
-            end_run(1 + index * BLOCK + changes.trailing_zeros() as usize);
-            changes &= changes - 1;
+        self.visible.sort_unstable();
+    }
+
+    /// Sets the counts of all faces: `set` gets the first of some faces and where their counts belong.
+    fn set_all(&mut self, faces: usize, lists: &mut Vec<Vec<u32>>, set: impl Fn(usize, &mut [u32]) + Sync) {
+        self.pixels_per_face.resize(faces, 0);
+        let parts = self.pixels_per_face.chunks_mut(FACES_PER_TASK);
+        lists.resize_with(parts.len(), Vec::new);
+        on_all(parts.zip(lists.iter_mut()).enumerate(), |(index, (counts, list))| {
+            let first = index * FACES_PER_TASK;
+            set(first, counts);
+            // Which faces have pixels no processor foresees: all are written, those without are overwritten.
+            list.resize(counts.len(), 0);
+            let mut visible = 0;
+            for (face, &count) in (first as u32..).zip(&*counts) {
+                list[visible] = face;
+                visible += usize::from(count > 0);
+            }
+            list.truncate(visible);
+        });
+        self.visible.clear();
+        lists.iter().for_each(|list| self.visible.extend_from_slice(list));
+    }
+}
+
+/// What one task counted, by ID: face + 1, or 0 for none.
+#[derive(Debug, Default)]
+struct Tally {
+    /// Pixels of each ID; 0 for all but the touched ones.
+    counts: Vec<u32>,
+    /// The IDs touched, as long as they are few, and room for one more.
+    ids: Vec<u32>,
+    /// How many IDs were touched: at least as many as `ids` holds if it is full.
+    touched: usize,
+    vt_pixels: u64,
+    shadow_pixels: u64,
+    runs: Runs,
+}
+
+impl Tally {
+    /// All counts 0, for a scene of `faces` faces.
+    fn reset(&mut self, faces: usize) {
+        if self.touched < self.ids.len() && self.counts.len() == faces + 1 {
+            self.ids[..self.touched].iter().for_each(|&id| self.counts[id as usize] = 0);
+        } else {
+            self.counts.clear();
+            self.counts.resize(faces + 1, 0);
+            self.ids.resize(faces / SPARSE + 2, 0);
+        }
+        (self.touched, self.vt_pixels, self.shadow_pixels) = (0, 0, 0);
+    }
+
+    /// Counts at most [`PIECE`] pixels; IDs beyond the scene's are passed over.
+    fn count(&mut self, pixels: &[u32]) {
+        let last = self.ids.len() - 1;
+        let mut start = 0;
+        for &end in self.runs.ends(pixels) {
+            let (pixel, length) = (pixels[start as usize], end - start);
+            start = end;
+            let of = |code| if pixel >> 24 == code { length.into() } else { 0_u64 };
+            self.vt_pixels += of(CODE_VT);
+            self.shadow_pixels += of(CODE_SHADOW);
+            let id = pixel & 0xff_ffff;
+            if let Some(count) = self.counts.get_mut(id as usize) {
+                // Whether a face is new no processor foresees either.
+                self.ids[self.touched.min(last)] = id;
+                self.touched += usize::from(*count == 0);
+                *count += length;
+            }
         }
     }
-    for index in whole..after.len() {
-        if after[index] != pixels[index] {
-            end_run(1 + index);
-        }
-    }
-    end_run(pixels.len());
+}
+
+/// Calls `work` for all of `jobs`: one on this thread, the others on any.
+///
+/// Threads that sleep take as long to wake as half a scan takes: this one does not wait for them to begin.
+fn on_all<T: Send>(mut jobs: impl Iterator<Item = T>, work: impl Fn(T) + Sync) {
+    let Some(own) = jobs.next() else { return };
+    let work = &work;
+    rayon::in_place_scope(|scope| {
+        jobs.for_each(|job| scope.spawn(move |_| work(job)));
+        work(own);
+    });
 }
 
 #[cfg(test)]

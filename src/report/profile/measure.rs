@@ -6,7 +6,10 @@ use std::{
     time::{Duration, Instant},
 };
 
-use super::{Copy, PAPER, Profile, Ring, Row, STAGES, Spread};
+use super::{
+    Bound, Copy, PAPER, Profile, Ring, Row, STAGES, Spread,
+    bounds::{self, MANY_TRIANGLES, PlainCopy},
+};
 use crate::{
     error::{Error, Result},
     frame::Renderer,
@@ -34,6 +37,9 @@ pub struct Plan {
     pub runs: usize,
     /// Time after which there are no more runs, but three.
     pub time: Duration,
+    /// Turns in which what is promised is measured, whatever [`size`](Self::size) is; a tenth of them with many
+    /// triangles.
+    pub turns: usize,
 }
 
 impl Plan {
@@ -41,10 +47,11 @@ impl Plan {
     pub fn full() -> Self {
         Self {
             sizes: vec![(640, 480), (1024, 768), (1280, 1024), (1920, 1080), (3840, 2160)],
-            triangles: vec![10_000, 100_000, 1_000_000],
+            triangles: vec![10_000, 100_000, MANY_TRIANGLES],
             size: (1280, 1024),
             runs: 40,
             time: Duration::from_millis(1500),
+            turns: 100,
         }
     }
 
@@ -56,6 +63,7 @@ impl Plan {
             size: (320, 256),
             runs: 3,
             time: Duration::ZERO,
+            turns: 40,
         }
     }
 }
@@ -78,6 +86,7 @@ pub fn measure(gpu: &Arc<Gpu>, scene: &Scene, plan: &Plan, step: &dyn Fn(f32)) -
     step(jobs.len() as f32 / (jobs.len() + 1) as f32);
     let bytes: BTreeSet<u64> = found.rows.iter().map(|row| row.bytes).filter(|&bytes| bytes > 0).collect();
     let memcpy = bytes.into_iter().map(|bytes| measure_copy(bytes, plan)).collect();
+    let bounds = measure_bounds(gpu, scene, &mirrors, plan)?;
     let view = view(scene, plan.size)?;
     let rings = (1..=3).map(|buffers| measure_ring(gpu, scene, &view, plan, buffers));
     Ok(Profile {
@@ -86,6 +95,7 @@ pub fn measure(gpu: &Arc<Gpu>, scene: &Scene, plan: &Plan, step: &dyn Fn(f32)) -
         driver: gpu.info().driver.clone(),
         rows: found.rows,
         memcpy,
+        bounds,
         rings: rings.collect::<Result<_>>()?,
         unavailable: found.unavailable.into_iter().collect(),
         left_out: found.left_out,
@@ -215,16 +225,20 @@ fn repeat<T>(plan: &Plan, mut work: impl FnMut() -> Result<T>) -> Result<Vec<T>>
 }
 
 fn measure_copy(bytes: u64, plan: &Plan) -> Copy {
-    let source = vec![1_u8; bytes as usize];
-    let mut target = vec![0_u8; bytes as usize];
-    let mut copy = || {
-        let started = Instant::now();
-        target.copy_from_slice(std::hint::black_box(&source));
-        std::hint::black_box(&target);
-        started.elapsed().as_secs_f64() * 1e3
-    };
-    copy();
-    Copy { bytes, spread: Spread::of((0..plan.runs.max(3)).map(|_| copy()).collect()) }
+    let mut copy = PlainCopy::new(bytes as usize);
+    copy.run();
+    Copy { bytes, spread: Spread::of((0..plan.runs.max(3)).map(|_| copy.run()).collect()) }
+}
+
+/// What is promised of the scene, and of the first mirror with as many triangles as a promise is about.
+fn measure_bounds(gpu: &Arc<Gpu>, scene: &Scene, mirrors: &[Scene], plan: &Plan) -> Result<Vec<Bound>> {
+    let reading = Bound::of_reading(gpu, (scene, &classes(scene)), &view(scene, bounds::SIZE)?, plan.turns)?;
+    let many = mirrors.iter().find(|mirror| mirror.geometry.faces.len() >= MANY_TRIANGLES as usize);
+    let counting = many.map(|mirror| {
+        let turns = plan.turns.div_ceil(10);
+        Bound::of_counting(gpu, (mirror, &classes(mirror)), &view(mirror, bounds::SIZE)?, turns)
+    });
+    Ok([reading].into_iter().chain(counting.transpose()?).collect())
 }
 
 /// Draws frame after frame and reads each when `buffers` are in flight.

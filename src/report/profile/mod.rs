@@ -1,11 +1,14 @@
 //! What knowing the visible faces costs on a device: the rows of `vtrace profile` (design §9).
 
+mod bounds;
 pub mod measure;
 #[cfg(feature = "plots")]
 pub mod plot;
 mod table;
 
 use serde::Serialize;
+
+pub use bounds::{Bound, MANY_TRIANGLES, MOST_COPIES};
 
 use super::stats::LeftOut;
 
@@ -20,8 +23,10 @@ pub struct Profile {
     pub driver: String,
     /// One row for each stage of each way, memory, size and number of triangles.
     pub rows: Vec<Row>,
-    /// Plain copies of as many bytes as were read back, from memory to memory: the limit of any readback.
+    /// Plain copies of as many bytes as were read back, from memory to memory by one thread: the limit of any readback.
     pub memcpy: Vec<Copy>,
+    /// What is promised, and whether it is kept here.
+    pub bounds: Vec<Bound>,
     /// Blocking (one staging buffer) against several in flight.
     pub rings: Vec<Ring>,
     /// Kinds of memory for the host to read that the device lacks.

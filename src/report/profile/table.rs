@@ -2,7 +2,7 @@
 
 use std::fmt;
 
-use super::{Profile, Row, STAGES, rate};
+use super::{Bound, Profile, Row, STAGES, rate};
 
 impl fmt::Display for Profile {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
@@ -14,11 +14,16 @@ impl fmt::Display for Profile {
         for stages in self.rows.chunk_by(|a, b| key(a) == key(b)) {
             self.line(f, stages)?;
         }
-        writeln!(f, "\nx copy: all but drawing, as a multiple of a plain copy of the same bytes:")?;
+        writeln!(
+            f,
+            "\nx copy: all but drawing, as a multiple of a plain copy of the same bytes by one thread:"
+        )?;
         for copy in &self.memcpy {
             let (kib, ms) = (copy.bytes.div_ceil(1024), copy.spread.median_ms);
             writeln!(f, "  {kib:>7} KiB in {ms:.3} ms, {:.1} GB/s", copy.rate())?;
         }
+        writeln!(f, "\nleast times of turns:")?;
+        self.bounds.iter().try_for_each(|bound| writeln!(f, "  {bound}"))?;
         writeln!(f, "\nstaging buffers in flight, ID buffer")?;
         for ring in &self.rings {
             writeln!(
@@ -46,6 +51,21 @@ impl fmt::Display for Profile {
             "\npaper (2003): {}x{} read in {}-{} ms, scanned in under {} ms",
             paper.width, paper.height, paper.read_ms[0], paper.read_ms[1], paper.scan_ms
         )
+    }
+}
+
+impl fmt::Display for Bound {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        let Self { what, against, width, height, triangles, .. } = self;
+        write!(f, "{what} {width}x{height}, {triangles} triangles: {:.3} ms, ", self.best_ms)?;
+        write!(f, "{against} {:.3} ms: {:.2} times that ", self.against_best_ms, self.ratio)?;
+        write!(f, "({:.2} by medians), at most {:.1}: ", self.median_ratio, self.most)?;
+        f.write_str(match (self.promised, self.holds) {
+            (true, true) => "kept",
+            (true, false) => "NOT KEPT",
+            (false, true) => "true, though not promised of a software device",
+            (false, false) => "not so, and not promised of a software device",
+        })
     }
 }
 

@@ -7,7 +7,7 @@ pub(super) const CASES: &[Case] = &[
         name: "slab",
         parameter: "ior",
         values: &[1.0, 1.000_1, 1.1, 1.33, 1.5, 2.0, 2.5],
-        bound: Bound::both(0.005),
+        bound: Bound::both(0.007),
         limit: None,
         experiment: Experiment::Picture(|ior| {
             block_seen(ior as f32, Camera::look_at(Vec3::new(1.3, 0.8, 2.6), Vec3::ZERO, 0.7), 4)
