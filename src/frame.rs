@@ -2,39 +2,27 @@
 
 mod ahead;
 mod kept;
+mod sampling;
 
 use std::sync::Arc;
-use std::sync::atomic::{AtomicBool, Ordering};
+use std::sync::atomic::AtomicBool;
 use std::time::{Duration, Instant};
 
-use rustc_hash::FxHashSet;
-
 use crate::constants::COMPONENT_PRIMARY;
-use crate::error::{Error, Result};
+use crate::error::Result;
 use crate::gpu::Gpu;
-use crate::options::{EffortOptions, Options, Reconstruction};
+use crate::options::{EffortOptions, Options};
 use crate::plan::Plan;
 use crate::reconstruct::drawn::Drawn;
 use crate::reconstruct::frame_block::FrameBlock;
-use crate::reconstruct::leaves;
-use crate::reconstruct::nodes::{Corner, Matcher};
-use crate::reconstruct::paper;
-use crate::reconstruct::show::{self, FrameData, LeafKind, Overlay};
+use crate::reconstruct::nodes::Matcher;
 use crate::reconstruct::supersample;
-use crate::reconstruct::vertex::VertexLayout;
-use crate::refine::direct::{Direct, DirectPixel};
-use crate::refine::mesh::Mesh;
-use crate::refine::per_pixel::{self, TracedPixel};
-use crate::refine::pixels::Shown;
-use crate::refine::predict::Predictor;
+use crate::refine::Refiner;
 use crate::refine::reserve::Reserve;
-use crate::refine::{Refiner, StoppedBy, pixels};
 use crate::report::image::FloatImage;
 use crate::report::stats::{self, Stats};
 use crate::scene::structure::Structure;
-use crate::scene::topology::Topology;
 use crate::scene::{Scene, View};
-use crate::trace::sample::Context;
 use crate::trace::{Rays, Settings, Tracer};
 use crate::visibility::{Adjacency, Class, Finder, Found};
 
@@ -42,9 +30,7 @@ pub use ahead::Ahead;
 use ahead::{Undelivered, overlaid};
 pub use kept::Kept;
 use kept::{Painted, Samples};
-
-/// Times that a step took to be shown, which must have passed before the next is.
-const PAUSE: u32 = 3;
+use sampling::Job;
 
 /// What tracing needs of a scene, whatever the view: absent if nothing is traced.
 struct Traced<'s> {
@@ -382,212 +368,6 @@ impl<'s> Renderer<'s> {
             device: stats::Device { name: Some(info.name.clone()), driver: Some(info.driver.clone()) },
             ..Stats::default()
         }
-    }
-}
-
-/// What sampling a frame needs besides what is traced.
-struct Job<'a> {
-    topology: &'a Topology,
-    matcher: &'a Matcher<'a>,
-    layout: VertexLayout,
-    settings: &'a Settings,
-    options: &'a Options,
-    view: &'a View,
-    /// When the time budget began to run.
-    started: Instant,
-    reserve: Reserve,
-    interrupt: &'a AtomicBool,
-    step_interval: Duration,
-    /// Visible faces that are sampled at most, of all parts of the scene.
-    most_faces: usize,
-}
-
-/// What sampling a frame gives.
-struct Sampled {
-    leaves: Drawn,
-    /// The picture of [`Options::show`].
-    overlay: Option<Overlay>,
-    /// When refinement ended.
-    refined: Instant,
-    /// Samples that count against a budget.
-    cost: u64,
-}
-
-/// What is shown the leaves after every step.
-type LeafObserver<'o> = &'o mut dyn FnMut(&Drawn, &Refiner, Rays) -> Result<()>;
-
-impl Job<'_> {
-    /// Visibility, tracing and refinement: from the view to the leaves that are drawn.
-    fn sample(
-        &self,
-        traced: &Traced,
-        visible: &Found,
-        store: Option<&mut Samples>,
-        stats: &mut Stats,
-        mut after_step: Option<LeafObserver>,
-    ) -> Result<Sampled> {
-        let Self { matcher, topology, settings, options, view, .. } = *self;
-        let scene = matcher.scene;
-        let Traced { tracer, structures, adjacency, classes, .. } = traced;
-        let targets = matcher.targets;
-        stats.time_ms.visibility = visible.times.visibility;
-        stats.time_ms.readback = visible.times.readback;
-        stats.time_ms.scan = visible.times.scan;
-        stats.readback.bytes = visible.readback_bytes;
-        stats.readback.memory = Some(visible.readback_memory.name().into());
-        stats.image.vt_pixels = visible.faces.vt_pixels;
-        stats.faces.visible = visible.visible_vt as u64;
-
-        let shown = Shown::from(visible);
-        let time = Instant::now();
-        let context = Context { tracer, targets, settings, view };
-        let reconstruction = options.method.reconstruction;
-        // The paper's queue knows no guard.
-        let shaft_guard = options.effort.shaft_guard && reconstruction == Reconstruction::Exact;
-        let predictor = Predictor { targets, structures, scene, view, reconstruction, shaft_guard };
-        let direct = match reconstruction {
-            Reconstruction::Exact => Direct::find(scene, view, visible),
-            Reconstruction::Paper => Direct::none(),
-        };
-        let sampled: Vec<u32> = visible.visible.iter().copied().filter(|&face| !direct.is(face)).collect();
-        let seeds = adjacency.one_ring(scene, topology, &direct.without(classes), view, &sampled);
-        let some = seeds.len().div_ceil(self.most_faces).max(1);
-        let seeds: Vec<_> = seeds.into_iter().step_by(some).collect();
-        let mesh = Mesh::new(scene, topology, view, &seeds);
-        let (vertices, mut traced_before) =
-            store.map(|Samples { vertices, pixels, .. }| (vertices, pixels)).unzip();
-        let mut refiner = Refiner::new(&context, &predictor, mesh, shown, vertices);
-        refiner.reserve = self.reserve;
-        refiner.add_direct(direct.pixels);
-        let direct_started = Instant::now();
-        let (direct_pixels, direct_rays) = direct.trace(&context, visible.ids, traced_before.as_deref_mut());
-        let direct_time = direct_started.elapsed();
-        let picture = (direct_pixels.as_slice(), direct.depth);
-        // When a step was seen, and how long it took to show.
-        let mut seen: Option<(Instant, Duration)> = None;
-        let mut observe = |refiner: &Refiner| {
-            if self.interrupt.load(Ordering::Relaxed) {
-                return Err(Error::Interrupted);
-            }
-            let Some(after_step) = &mut after_step else { return Ok(()) };
-            let too_soon =
-                |(at, took): (Instant, Duration)| at.elapsed() < self.step_interval.max(took * PAUSE);
-            if !self.step_interval.is_zero() && seen.is_some_and(too_soon) {
-                return Ok(());
-            }
-            let started = Instant::now();
-            let Refiner { mesh, pixel_faces, .. } = refiner;
-            let (pixels, rays) =
-                per_pixel::trace(&context, mesh, shown, pixel_faces, traced_before.as_deref_mut());
-            after_step(&self.assemble(refiner, &pixels, picture), refiner, rays + direct_rays)?;
-            seen = Some((Instant::now(), started.elapsed()));
-            Ok(())
-        };
-        observe(&refiner)?;
-        let stopped_by = refiner.run(&options.effort, self.started, observe)?;
-        let ended = Instant::now();
-        let (predicted, predicted_rmse) = refiner.predicted();
-        let refined = ms(time);
-
-        let time = Instant::now();
-        let Refiner { mesh, pixel_faces, .. } = &refiner;
-        let (traced_pixels, pixel_rays) = per_pixel::trace(&context, mesh, shown, pixel_faces, traced_before);
-        let pixels_ms = ms(time);
-        let sampled = refiner.samples.time + direct_time;
-        stats.time_ms.trace = sampled.as_secs_f64() * 1e3 + pixels_ms;
-
-        let time = Instant::now();
-        let leaves = self.assemble(&refiner, &traced_pixels, picture);
-        stats.time_ms.refine = refined - sampled.as_secs_f64() * 1e3 + ms(time);
-
-        stats.samples = refiner.samples.sampled();
-        stats.reused = refiner.samples.reused;
-        stats.rays = ray_stats(refiner.samples.rays, pixel_rays + direct_rays);
-        stats.steps = u64::from(refiner.steps);
-        stats.stopped_by = Some(match stopped_by {
-            StoppedBy::Error => stats::StoppedBy::Error,
-            StoppedBy::MaxSamples => stats::StoppedBy::MaxSamples,
-            StoppedBy::Budget => stats::StoppedBy::Budget,
-            StoppedBy::Exhausted => stats::StoppedBy::NothingLeft,
-            StoppedBy::Preview => stats::StoppedBy::Preview,
-        });
-        stats.predicted_error = Some(f64::from(predicted));
-        stats.predicted_rmse = Some(f64::from(predicted_rmse));
-        stats.faces.leaves = leaves.len();
-        let (defined, undefined) = leaves.defined();
-        (stats.faces.defined, stats.faces.undefined) = (defined.into(), undefined.into());
-
-        let overlay = options.show.map(|show| {
-            let traced: FxHashSet<u32> = refiner.pixel_faces.iter().copied().collect();
-            show::overlay(
-                show,
-                &FrameData {
-                    scene,
-                    view,
-                    mesh: &refiner.mesh,
-                    samples: &refiner.samples,
-                    face_at: &|x, y| pixels::face_at(&context, shown, classes, x, y),
-                    displacement: &|leaf| refiner.displacement(leaf),
-                    kind: &|leaf| self.kind(&refiner, leaf, traced.contains(&leaf)),
-                },
-            )
-        });
-        Ok(Sampled { leaves, overlay, refined: ended, cost: refiner.cost() })
-    }
-
-    fn assemble(&self, refiner: &Refiner, traced: &[TracedPixel], direct: (&[DirectPixel], f32)) -> Drawn {
-        let Refiner { mesh, samples, pixel_faces, .. } = refiner;
-        let Matcher { scene, targets, base_textures, .. } = self.matcher;
-        match self.options.method.reconstruction {
-            Reconstruction::Exact => {
-                let Self { matcher, layout, view, .. } = *self;
-                Drawn::Exact(leaves::assemble(
-                    matcher,
-                    layout,
-                    view,
-                    mesh,
-                    samples,
-                    traced,
-                    pixel_faces,
-                    direct,
-                ))
-            }
-            Reconstruction::Paper => {
-                Drawn::Paper(paper::assemble(scene, targets, base_textures, self.view, mesh, samples))
-            }
-        }
-    }
-
-    fn kind(&self, refiner: &Refiner, leaf: u32, traced: bool) -> LeafKind {
-        let Matcher { scene, targets, .. } = self.matcher;
-        let face = &refiner.mesh.faces[leaf as usize];
-        if !scene.is_vt(face.base) {
-            return LeafKind::Receiver;
-        }
-        if traced {
-            return LeafKind::Traced;
-        }
-        let samples = face.corners.map(|v| refiner.samples.get(v));
-        let defined = match self.options.method.reconstruction {
-            Reconstruction::Paper => paper::branches(scene, targets, samples).defined,
-            Reconstruction::Exact => {
-                let corners = samples.map(|sample| Corner { sample, distance: None });
-                self.matcher.leaf(corners, self.matcher.room).defined
-            }
-        };
-        if defined { LeafKind::Defined } else { LeafKind::Undefined }
-    }
-}
-
-/// Rays of the vertices by kind, and all rays of the pixels that were traced one by one.
-fn ray_stats(vertices: Rays, pixels: Rays) -> stats::Rays {
-    stats::Rays {
-        total: vertices.total() + pixels.total(),
-        primary: vertices.primary,
-        reflected: vertices.reflected,
-        transmitted: vertices.transmitted,
-        shadow: vertices.shadow,
-        pixel: pixels.total(),
     }
 }
 

@@ -5,8 +5,8 @@ mod common;
 
 use glam::{Vec2, Vec3, Vec4, vec3};
 use vertex_tracing::{
-    frame::Frame,
-    options::{Msaa, Options, Shadows, Ss},
+    frame::{Frame, Renderer},
+    options::{Mode, Msaa, Options, Shadows, Ss, VisibilityWay},
     report::{
         FloatImage,
         metrics::{Comparison, Encoding, compare},
@@ -212,6 +212,35 @@ fn dense_meshes_cost_no_more_than_conventional_tracing() {
         );
         if faces == 200_000 {
             assert!(psnr > 50.0, "{psnr:.1} dB where every pixel is traced");
+        }
+    }
+    gpu.finish();
+}
+
+#[test]
+fn many_faces_of_few_pixels_stay_out_of_the_mesh() {
+    let gpu = TestGpu::open();
+    let scene = stress::wavy_mirror(120_000).unwrap();
+    let truth = traced(&scene, &options(320, 256), 1, None);
+    for mode in [Mode::MultiTexture, Mode::MultiPass] {
+        for visibility in [VisibilityWay::IdBuffer, VisibilityWay::SinglePass] {
+            let mut options = options(320, 256);
+            (options.method.mode, options.method.visibility) = (mode, visibility);
+            let frame = gpu.render(&scene, &options);
+            let stats = &frame.stats;
+            let psnr = over_vt(&frame, &options, &truth).psnr.unwrap_or(99.0);
+            println!("{} leaves, {} samples, {psnr:.1} dB", stats.faces.leaves, stats.samples);
+            assert!(stats.faces.visible > 30_000, "{} faces are visible", stats.faces.visible);
+            assert!(stats.faces.leaves < 10_000, "{} leaves", stats.faces.leaves);
+            assert!(psnr > 45.0, "{psnr:.1} dB where nearly every pixel is traced");
+            let mut renderer = Renderer::new(&gpu, &scene, &options).unwrap();
+            renderer.keep_samples(64 << 20);
+            let view = options.view.resolve(&scene).unwrap();
+            let first = renderer.render(&view).unwrap();
+            assert_eq!(first.image, frame.image);
+            let second = renderer.render(&view).unwrap();
+            assert_eq!(second.image, frame.image, "pixels that are kept are the same");
+            assert!(second.stats.rays.pixel < stats.rays.pixel / 10, "pixels are kept");
         }
     }
     gpu.finish();

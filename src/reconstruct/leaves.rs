@@ -112,18 +112,30 @@ impl Leaves {
     }
 }
 
-/// Assembles the leaves of `mesh` with vertices of `layout`, in parallel and in an order that depends on the mesh alone;
-/// and pixels that are traced beside it, drawn at a depth.
+/// Pixels that were traced one by one.
+#[derive(Debug, Clone, Copy)]
+pub struct Traced<'a> {
+    /// Those of leaves.
+    pub pixels: &'a [TracedPixel],
+    /// These leaves.
+    pub faces: &'a [u32],
+    /// Those of faces beside the mesh.
+    pub direct: &'a [DirectPixel],
+    /// See [`Direct::depth`](crate::refine::direct::Direct::depth).
+    pub depth: f32,
+}
+
+/// Assembles the leaves of `mesh` with vertices of `layout`, in parallel and in an order that depends on the mesh alone,
+/// and what was `traced`.
 pub fn assemble(
     matcher: &Matcher,
     layout: VertexLayout,
     view: &View,
     mesh: &Mesh,
     samples: &Samples,
-    traced: &[TracedPixel],
-    pixel_faces: &[u32],
-    (direct, depth): (&[DirectPixel], f32),
+    traced: &Traced,
 ) -> Leaves {
+    let &Traced { pixels, faces: pixel_faces, direct, depth } = traced;
     let scene = matcher.scene;
     let picture = blocks::picture(view, direct);
     let corners = picture.as_ref().map_or([Vec3::ZERO; 4], |([columns, rows], _)| {
@@ -187,7 +199,7 @@ pub fn assemble(
 
     let mut result = Leaves { vertices, ..Leaves::default() };
     let traced_leaves: Vec<u32> = faces.iter().copied().filter(|&face| is_traced[face as usize]).collect();
-    let blocks = Blocks::new(view, mesh, traced, &traced_leaves);
+    let blocks = Blocks::new(view, mesh, pixels, &traced_leaves);
     let mut groups: BTreeMap<Group, Vec<GpuLeaf>> = BTreeMap::new();
     for (&face, (mut leaf, nodes, cut)) in faces.iter().zip(built) {
         let base = mesh.faces[face as usize].base;

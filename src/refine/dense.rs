@@ -9,7 +9,7 @@ use crate::trace::sample::Context;
 /// Visible pixels below which a specular face of the scene is traced pixel by pixel. A closed mesh has half as many
 /// vertices as faces, so that above this its vertices cost at most a fifth of its pixels: even where all
 /// of them turn out to be undefined, no more than 1.2 times the rays of conventional tracing are spent.
-pub const DENSE_PIXELS: u32 = 3;
+const DENSE_PIXELS: u32 = 3;
 
 /// Which faces of an unrefined mesh are traced pixel by pixel, and which vertices are sampled nevertheless.
 pub struct Dense {

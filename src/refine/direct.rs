@@ -6,7 +6,6 @@ use std::borrow::Cow;
 use glam::{Vec2, Vec3};
 use rayon::prelude::*;
 
-use super::dense::DENSE_PIXELS;
 use super::per_pixel;
 use super::store::PixelStore;
 use crate::scene::{Scene, View};
@@ -16,6 +15,10 @@ use crate::visibility::{Class, Found, IdImage};
 
 /// Number of such faces from which leaving them out of the mesh is worth a picture of the frame's size.
 const MANY: usize = 16_384;
+
+/// Visible pixels below which a face is one of them: about as long as its pixels take to be traced, its share of the mesh
+/// takes to be refined and drawn.
+const FEW_PIXELS: u32 = 8;
 
 /// Rows that one task traces.
 const ROWS: usize = 8;
@@ -51,12 +54,11 @@ impl Direct {
         Self::default()
     }
 
-    /// Those of `found`, if they are many: specular faces of fewer than [`DENSE_PIXELS`] pixels. It must be known which
+    /// Those of `found`, if they are many: specular faces of fewer than [`FEW_PIXELS`] pixels. It must be known which
     /// pixels show them.
     pub fn find(scene: &Scene, view: &View, found: &Found) -> Self {
         let counts = &found.faces.pixels_per_face;
-        let is_small =
-            |&&face: &&u32| (1..DENSE_PIXELS).contains(&counts[face as usize]) && scene.is_vt(face);
+        let is_small = |&&face: &&u32| (1..FEW_PIXELS).contains(&counts[face as usize]) && scene.is_vt(face);
         if found.ids.is_none() || found.visible.len() < MANY {
             return Self::none();
         }
