@@ -101,8 +101,10 @@ impl Refiner<'_> {
             self.state[face as usize] = state;
             let level = i32::from(self.mesh.faces[face as usize].level);
             let large = (state.pixels / EXPLORE_PIXELS).min(1.0).powi(2);
-            let fade = if self.is_blind(face) { 1.0 } else { large.max(EXPLORE_FADE.powi(level)) };
-            let explored = EXPLORE * fade;
+            let fade = if self.is_urgent(face) { 1.0 } else { large.max(EXPLORE_FADE.powi(level)) };
+            // Others that are blind wait for all whose error is known.
+            let last = if self.is_blind(face) { 2.0 * NEGLIGIBLE } else { 0.0 };
+            let explored = (EXPLORE * fade).max(last);
             let color = state.deviation.color + GUARDED * state.guarded + explored;
             if state.pixels > 0.0 && color > NEGLIGIBLE {
                 self.queue.push(Entry { priority: color * state.pixels, face });
@@ -139,6 +141,16 @@ impl Refiner<'_> {
         pixels > 0.0 && blind && !traced
     }
 
+    /// Whether a blind face is looked into before others: it is a large part of the picture, or bent all over.
+    fn is_urgent(&self, face: u32) -> bool {
+        let reach = BLIND * self.longer_side();
+        self.is_blind(face) && (self.state[face as usize].size > reach || self.is_mapped(face))
+    }
+
+    fn longer_side(&self) -> f32 {
+        self.context.view.height.max(self.context.view.width) as f32
+    }
+
     /// Whether a face with a longest edge of `size` pixels may hide anything between its corners. What is seen over
     /// several bounces is as much smaller.
     fn is_large(&self, size: f32, corners: [Corner; 3]) -> bool {
@@ -148,8 +160,7 @@ impl Refiner<'_> {
             Reconstruction::Exact => seen.map(|node| node.bounces).max().unwrap_or(0),
             Reconstruction::Paper => 0,
         };
-        let side = self.context.view.height.max(self.context.view.width);
-        size * f32::from(bounces.max(FEW_BOUNCES)) > BLIND * side as f32 * f32::from(FEW_BOUNCES)
+        size * f32::from(bounces.max(FEW_BOUNCES)) > BLIND * self.longer_side() * f32::from(FEW_BOUNCES)
     }
 
     /// Whether the face is specular and turns so far that its pixels had better be traced.
