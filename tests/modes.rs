@@ -296,9 +296,12 @@ fn textures_cost_no_samples() {
             let (coarse, fine) = (samples(&scene), samples(&finer_textures(scene.clone(), 8.0)));
             println!("{} {reconstruction}: {coarse} samples, {fine} with finer textures", scene.name);
             // Which faces come first depends on what their textures would show, and the paper's reconstruction bisects those
-            // down to a pixel before it comes to others.
+            // down to a pixel before it comes to others. A step bisects 64 faces at least.
             let most = if reconstruction == Reconstruction::Exact { 1.05 } else { 1.25 };
-            assert!(fine as f64 <= coarse as f64 * most, "{coarse} samples, {fine} with finer textures");
+            assert!(
+                fine as f64 <= coarse as f64 * most + 64.0,
+                "{coarse} samples, {fine} with finer textures"
+            );
         }
     }
     gpu.finish();
