@@ -409,15 +409,23 @@ fn a_time_budget_is_kept() {
     let (all, unlimited) = timed(&options);
     let budget = all / 2.0;
     options.effort.budget = Some(Duration::from_secs_f64(budget / 1e3));
-    // The best of three: other work on the machine may delay any one of them.
-    let attempts = (0..3).map(|_| timed(&options));
-    let (took, stats) = attempts.min_by(|a, b| a.0.total_cmp(&b.0)).unwrap();
-    let what = format!("{took:.0} of {budget:.0} ms, {} of {} steps", stats.steps, unlimited.steps);
-    assert!(matches!(stats.stopped_by, Some(StoppedBy::Budget | StoppedBy::NothingLeft)), "{what}");
-    assert!(stats.steps > 0, "the budget bought nothing: {what}");
-    // A step is the excuse; on a busy machine any step may take a multiple of what the last one did.
-    let step = (stats.time_ms.trace + stats.time_ms.refine) / stats.steps.max(1) as f64;
-    println!("{what}; a step takes {step:.0} ms");
-    assert!(took <= budget * 1.1 + 4.0 * step, "{what}; a step takes {step:.0} ms");
+    // Other work on the machine, other tests among it, may delay any one attempt.
+    let mut missed = Vec::new();
+    for _ in 0..6 {
+        let (took, stats) = timed(&options);
+        // A step is the excuse; on a busy machine any step may take a multiple of what the last one did.
+        let step = (stats.time_ms.trace + stats.time_ms.refine) / stats.steps.max(1) as f64;
+        let what = format!(
+            "{took:.0} of {budget:.0} ms, {} of {} steps; a step takes {step:.0} ms",
+            stats.steps, unlimited.steps
+        );
+        assert!(matches!(stats.stopped_by, Some(StoppedBy::Budget | StoppedBy::NothingLeft)), "{what}");
+        if stats.steps > 0 && took <= budget * 1.1 + 4.0 * step {
+            missed.clear();
+            break;
+        }
+        missed.push(what);
+    }
+    assert!(missed.is_empty(), "the budget was never kept, or bought nothing: {missed:?}");
     gpu.finish();
 }
