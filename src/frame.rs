@@ -229,7 +229,7 @@ impl<'s> Renderer<'s> {
         self.reserve.learn(self.finished);
     }
 
-    /// Lets `flag` end a frame between two refinement steps, with [`Error::Interrupted`].
+    /// Lets `flag` end a frame between two refinement steps, with [`Error::Interrupted`](crate::error::Error::Interrupted).
     pub fn set_interrupt(&mut self, flag: Arc<AtomicBool>) {
         self.interrupt = flag;
     }

@@ -54,7 +54,7 @@ impl Direct {
         Self::default()
     }
 
-    /// Those of `found`, if they are many: specular faces of fewer than [`FEW_PIXELS`] pixels. It must be known which
+    /// Those of `found`, if they are many: specular faces of fewer than eight pixels. It must be known which
     /// pixels show them.
     pub fn find(scene: &Scene, view: &View, found: &Found) -> Self {
         let counts = &found.faces.pixels_per_face;
