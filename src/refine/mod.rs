@@ -209,7 +209,8 @@ impl<'a> Refiner<'a> {
     }
 
     /// Refines until the target or a budget of `effort` is met; `after_step` sees every step. The time budget
-    /// runs from `started`; no step begins that would overrun it if it took as long as the last one.
+    /// runs from `started`; no step begins that would overrun it if it took as long and cost
+    /// as much as the last one.
     ///
     /// # Errors
     /// Whatever `after_step` returns.
@@ -222,26 +223,26 @@ impl<'a> Refiner<'a> {
         if effort.preview {
             return Ok(StoppedBy::Preview);
         }
-        let mut last_step = Duration::ZERO;
+        let mut last_step = (Duration::ZERO, 0);
         loop {
             if effort.max_samples.is_some_and(|limit| self.cost() >= limit) {
                 return Ok(StoppedBy::MaxSamples);
             }
-            if effort
-                .budget
-                .is_some_and(|limit| started.elapsed() + last_step + self.reserve.at(self.cost()) >= limit)
-            {
+            if effort.budget.is_some_and(|limit| {
+                let reserve = self.reserve.at(self.cost() + last_step.1);
+                started.elapsed() + last_step.0 + reserve >= limit
+            }) {
                 return Ok(StoppedBy::Budget);
             }
             if effort.max_samples.is_none() && effort.budget.is_none() && self.is_within(effort.error) {
                 return Ok(StoppedBy::Error);
             }
             let room = effort.max_samples.map_or(u64::MAX, |limit| limit - self.cost());
-            let step_started = Instant::now();
+            let (step_started, cost) = (Instant::now(), self.cost());
             if !self.step(room) {
                 return Ok(StoppedBy::Exhausted);
             }
-            last_step = step_started.elapsed();
+            last_step = (step_started.elapsed(), self.cost() - cost);
             after_step(self)?;
         }
     }
