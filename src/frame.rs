@@ -66,9 +66,11 @@ pub struct Renderer<'s> {
     warming_up: bool,
 }
 
-/// Samples of the frame that compiles a scene's draws, and the visible faces that it is about.
+/// Samples of the frame that compiles a scene's draws, the visible faces that it is about, and, of its samples, the pixels
+/// of faces beside the refined mesh.
 const WARM_UP_SAMPLES: u64 = 4096;
 const WARM_UP_FACES: usize = 4096;
+const WARM_UP_DIRECT: u64 = 1024;
 
 /// The image after a refinement step; the first is the preview, before any.
 pub struct Step {
@@ -311,6 +313,7 @@ impl<'s> Renderer<'s> {
                     interrupt: &self.interrupt,
                     step_interval: self.step_interval,
                     most_faces: if self.warming_up { WARM_UP_FACES } else { usize::MAX },
+                    most_direct: if self.warming_up { WARM_UP_DIRECT } else { u64::MAX },
                 };
                 let observed = after_step.is_some();
                 let mut observe = |leaves: &Drawn, refiner: &Refiner, rays: Rays| {

@@ -77,7 +77,7 @@ fn samples_are_kept_while_the_eye_stays() {
         ("filter", 1.0, |o| o.method.filter = FilterMode::Trilinear),
         ("nodes", 1.0, |o| o.method.nodes = 2),
         ("show", 1.0, |o| o.show = Some(Show::Faces)),
-        ("reconstruction", 0.1, |o| o.method.reconstruction = Reconstruction::Paper),
+        ("reconstruction", 0.14, |o| o.method.reconstruction = Reconstruction::Paper),
         ("size", 0.5, |o| (o.view.width, o.view.height) = (120, 90)),
         ("field of view", 0.5, |o| o.view.fov = Some(36.0)),
         ("looking elsewhere", 0.5, |o| look_elsewhere(o, DVec3::new(0.3, 0.1, 0.0))),

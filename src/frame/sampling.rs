@@ -47,6 +47,8 @@ pub(super) struct Job<'a> {
     pub step_interval: Duration,
     /// Visible faces that are sampled at most, of all parts of the scene.
     pub most_faces: usize,
+    /// Pixels of faces beside the refined mesh that are traced at most.
+    pub most_direct: u64,
 }
 
 /// What sampling a frame gives.
@@ -96,8 +98,8 @@ impl Job<'_> {
             Reconstruction::Exact => Direct::find(scene, view, visible),
             Reconstruction::Paper => Direct::none(),
         };
-        let sampled: Vec<u32> = visible.visible.iter().copied().filter(|&face| !direct.is(face)).collect();
-        let seeds = adjacency.one_ring(scene, topology, &direct.without(classes), view, &sampled);
+        let in_mesh: Vec<u32> = visible.visible.iter().copied().filter(|&face| !direct.is(face)).collect();
+        let seeds = adjacency.one_ring(scene, topology, &direct.without(classes), view, &in_mesh);
         let some = seeds.len().div_ceil(self.most_faces).max(1);
         let seeds: Vec<_> = seeds.into_iter().step_by(some).collect();
         let mesh = Mesh::new(scene, topology, view, &seeds);
@@ -105,10 +107,11 @@ impl Job<'_> {
             store.map(|Samples { vertices, pixels, .. }| (vertices, pixels)).unzip();
         let mut refiner = Refiner::new(&context, &predictor, mesh, shown, vertices);
         refiner.reserve = self.reserve;
-        refiner.add_direct(direct.pixels);
         let direct_started = Instant::now();
-        let (direct_pixels, direct_rays) = direct.trace(&context, visible.ids, traced_before.as_deref_mut());
+        let (direct_pixels, direct_rays) =
+            direct.trace(&context, visible.ids, self.most_direct, traced_before.as_deref_mut());
         let direct_time = direct_started.elapsed();
+        refiner.add_direct(direct_pixels.len() as u64);
         let with = |pixels: &[TracedPixel], refiner: &Refiner| {
             let (faces, depth) = (refiner.pixel_faces.as_slice(), direct.depth);
             self.assemble(refiner, &leaves::Traced { pixels, faces, direct: &direct_pixels, depth })
@@ -143,12 +146,12 @@ impl Job<'_> {
         let Refiner { mesh, pixel_faces, .. } = &refiner;
         let (traced_pixels, pixel_rays) = per_pixel::trace(&context, mesh, shown, pixel_faces, traced_before);
         let pixels_ms = ms(time);
-        let sampled = refiner.samples.time + direct_time;
-        stats.time_ms.trace = sampled.as_secs_f64() * 1e3 + pixels_ms;
+        let tracing = refiner.samples.time + direct_time;
+        stats.time_ms.trace = tracing.as_secs_f64() * 1e3 + pixels_ms;
 
         let time = Instant::now();
         let leaves = with(&traced_pixels, &refiner);
-        stats.time_ms.refine = refined - sampled.as_secs_f64() * 1e3 + ms(time);
+        stats.time_ms.refine = refined - tracing.as_secs_f64() * 1e3 + ms(time);
 
         stats.samples = refiner.samples.sampled();
         stats.reused = refiner.samples.reused;

@@ -129,7 +129,7 @@ impl Near<'_> {
         let beside = AROUND.iter().find_map(|&(dx, dy)| {
             let (x, y) = (x.wrapping_add_signed(dx), y.wrapping_add_signed(dy));
             let within = columns.contains(&x) && rows.contains(&y);
-            self.at_if(within, x, y).filter(is_usable)
+            within.then(|| self.at(x, y)).flatten().filter(is_usable)
         });
         let nearest = || {
             let cells = rows.clone().flat_map(|y| columns.clone().map(move |x| (x, y)));
@@ -138,10 +138,6 @@ impl Near<'_> {
             nearest.map(|(.., pixel)| pixel)
         };
         beside.or_else(nearest).map(|pixel| pixel.radiance)
-    }
-
-    fn at_if(&self, within: bool, x: u32, y: u32) -> Option<&TracedPixel> {
-        if within { self.at(x, y) } else { None }
     }
 }
 

@@ -43,7 +43,7 @@ pub struct Direct {
     /// Objects that have such faces, ascending.
     objects: Vec<u32>,
     /// Pixels that they own.
-    pub pixels: u64,
+    pixels: u64,
     /// Depth before the eye, along the view's axis, at which their picture is drawn: nearer than any of them.
     pub depth: f32,
 }
@@ -90,8 +90,8 @@ impl Direct {
         self.is_direct.is_empty()
     }
 
-    /// `classes` for finding the faces around the others: between faces of a pixel or two those that own none are not worth
-    /// the samples of their corners.
+    /// `classes` for finding the faces around the others: beside faces of few pixels those that own none are not worth the
+    /// samples of their corners.
     pub fn without<'c>(&self, classes: &'c [Class]) -> Cow<'c, [Class]> {
         let mut classes = Cow::Borrowed(classes);
         for &object in &self.objects {
@@ -105,11 +105,13 @@ impl Direct {
         self.is_direct.get(face as usize).is_some_and(|&is| is)
     }
 
-    /// Traces their pixels in `ids`, row by row. Pixels that `store` knows are not traced, and it learns the others.
+    /// Traces their pixels in `ids`, row by row; where they are more than `most`, those of some rows alone, about as many.
+    /// Pixels that `store` knows are not traced, and it learns the others.
     pub fn trace(
         &self,
         context: &Context,
         ids: Option<IdImage>,
+        most: u64,
         mut store: Option<&mut PixelStore>,
     ) -> (Vec<DirectPixel>, Rays) {
         let Some(ids) = ids.filter(|_| !self.is_empty()) else { return Default::default() };
@@ -118,7 +120,9 @@ impl Direct {
         }
         let known = store.as_deref();
         let width = context.view.width;
+        let stride = self.pixels.div_ceil(most).max(1) as usize;
         let chunks: Vec<(Vec<(u32, DirectPixel)>, Rays)> = (0..context.view.height)
+            .step_by(stride)
             .collect::<Vec<_>>()
             .par_chunks(ROWS)
             .map(|rows| {
@@ -138,7 +142,7 @@ impl Direct {
             })
             .collect();
         let mut total = Rays::default();
-        let mut all = Vec::with_capacity(self.pixels as usize);
+        let mut all = Vec::new();
         for (pixels, rays) in chunks {
             total += rays;
             if let Some(store) = &mut store {

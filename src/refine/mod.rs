@@ -35,7 +35,7 @@ use crate::options::{EffortOptions, Reconstruction};
 use crate::trace::sample::Context;
 
 /// Longest edge, in pixels, at which a face is no longer bisected but its pixels are traced. Where this is 4, a picture
-/// takes longer and is farther off; where it is 12, glass takes a quarter more rays for the same error (docs/samples.md).
+/// takes longer and is farther off; where it is 12, glass takes a fifth more rays for the same error (docs/samples.md).
 pub const STOP_SIZE: f32 = 8.0;
 
 /// The same for faces with a normal map, whose pixels are all traced: fewer, larger ones are less to draw.
@@ -177,7 +177,7 @@ impl<'a> Refiner<'a> {
         }
     }
 
-    /// Lets `pixels` that are traced beside the mesh count as refined, and against a budget.
+    /// Lets `pixels` that are traced [beside the mesh](direct) count as refined, and against a budget.
     pub fn add_direct(&mut self, pixels: u64) {
         self.pixel_budget_used += pixels as f32;
         self.total_pixels += pixels as f32;
