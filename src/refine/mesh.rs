@@ -8,7 +8,7 @@
 use glam::{Vec2, Vec3, Vec4};
 use rustc_hash::FxHashMap;
 
-use crate::scene::{Scene, View, mesh::unit, topology::Topology};
+use crate::scene::{Scene, View, topology::Topology};
 
 /// No face, vertex or side.
 pub const NONE: u32 = u32::MAX;
@@ -310,6 +310,8 @@ impl Mesh {
                     vertex
                 }
             };
+            let facet = self.facet(index as u32);
+            self.vertices[vertex as usize].geometric += facet;
             let left = self.faces.len() as u32;
             let right = left + 1;
             let child = |corners, radial| Face {
@@ -360,12 +362,21 @@ impl Mesh {
             base: a.base,
             back: a.back,
             normal: (a.normal + b.normal) * 0.5,
-            geometric: [a, b].iter().filter_map(|end| unit(end.geometric)).sum(),
+            geometric: Vec3::ZERO,
             uv: [(a.uv[0] + b.uv[0]) * 0.5, (a.uv[1] + b.uv[1]) * 0.5],
             color: (a.color + b.color) * 0.5,
             tangent: (a.tangent.truncate() + b.tangent.truncate()).extend(a.tangent.w * 2.0) * 0.5,
         });
         self.vertices.len() as u32 - 1
+    }
+
+    /// Unit normal of a face, on the side of its shading normals.
+    fn facet(&self, face: u32) -> Vec3 {
+        let corners = self.faces[face as usize].corners;
+        let [a, b, c] = corners.map(|v| self.position(v));
+        let normal = (b - a).cross(c - a).normalize_or_zero();
+        let shading: Vec3 = corners.iter().map(|&v| self.vertices[v as usize].normal).sum();
+        if normal.dot(shading) < 0.0 { -normal } else { normal }
     }
 
     /// Indices of the faces that were not bisected.
