@@ -22,8 +22,8 @@ const BLIND: f32 = 0.1;
 const FEW_BOUNCES: u8 = 2;
 const SEEN: f32 = 0.1;
 
-/// Largest angle between the normals of a face's corners, in radians, at which the face is trusted for what its corners
-/// say: what a more curved one reflects may pass over anything between them.
+/// Largest angle, in radians, between the normals of a face's corners, and between their paths after several bounces, at
+/// which the face is trusted for what its corners say: what a more curved one reflects may pass over anything between them.
 const CURVED: f32 = 0.12;
 
 /// Share of a path's squared contribution that is expected to be wrong where something enters its shaft: unlike
@@ -34,6 +34,9 @@ pub(super) const GUARDED: f32 = 0.05;
 /// hidden by the size of flat faces; on curved ones samples lie close, and looking into their shafts made refinement
 /// three to ten times as long and found nothing (docs/samples.md).
 const FLAT: f32 = 0.01;
+
+/// Squared error per pixel that lets a face be looked at before all others.
+const FIRST: f32 = 1e6;
 
 /// Predicted squared error per pixel below which nothing is worth a sample: half an 8-bit step.
 const NEGLIGIBLE: f32 = (0.5 / 255.0) * (0.5 / 255.0);
@@ -102,9 +105,13 @@ impl Refiner<'_> {
             let level = i32::from(self.mesh.faces[face as usize].level);
             let large = (state.pixels / EXPLORE_PIXELS).min(1.0).powi(2);
             let fade = if self.is_urgent(face) { 1.0 } else { large.max(EXPLORE_FADE.powi(level)) };
-            // Others that are blind wait for all whose error is known.
-            let last = if self.is_blind(face) { 2.0 * NEGLIGIBLE } else { 0.0 };
-            let explored = (EXPLORE * fade).max(last);
+            // Others that are blind wait for all whose error is known, until that is as small as was asked for.
+            let blind = match (self.is_blind(face), self.blind_first) {
+                (false, _) => 0.0,
+                (true, false) => 2.0 * NEGLIGIBLE,
+                (true, true) => FIRST,
+            };
+            let explored = (EXPLORE * fade).max(blind);
             let color = state.deviation.color + GUARDED * state.guarded + explored;
             if state.pixels > 0.0 && color > NEGLIGIBLE {
                 self.queue.push(Entry { priority: color * state.pixels, face });
@@ -141,6 +148,15 @@ impl Refiner<'_> {
         pixels > 0.0 && blind && !traced
     }
 
+    /// Queues the blind faces before all others, and those that come of them.
+    pub(super) fn put_blind_first(&mut self) {
+        self.blind_first = true;
+        let blind = self.mesh.leaves().filter(|&face| self.is_blind(face));
+        let entries: Vec<Entry> =
+            blind.map(|face| Entry { priority: FIRST * self.state[face as usize].pixels, face }).collect();
+        self.queue.extend(entries);
+    }
+
     /// Whether a blind face is looked into before others: it is a large part of the picture, or bent all over.
     fn is_urgent(&self, face: u32) -> bool {
         let reach = BLIND * self.longer_side();
@@ -163,11 +179,11 @@ impl Refiner<'_> {
         size * f32::from(bounces.max(FEW_BOUNCES)) > BLIND * self.longer_side() * f32::from(FEW_BOUNCES)
     }
 
-    /// Whether the face is specular and turns so far that its pixels had better be traced.
+    /// Whether the face is specular, and it or what it reflects turns so far that its pixels had better be traced.
     fn is_curved(&self, face: u32, corners: [Corner; 3]) -> bool {
         self.predictor.reconstruction == Reconstruction::Exact
-            && predict::curvature(corners) > CURVED
             && self.context.tracer.scene().is_vt(self.mesh.faces[face as usize].base)
+            && (predict::curvature(corners) > CURVED || self.predictor.turns(corners, CURVED))
     }
 
     /// Whether a normal map bends what the face reflects.

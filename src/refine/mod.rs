@@ -34,9 +34,12 @@ use self::store::SampleStore;
 use crate::options::{EffortOptions, Reconstruction};
 use crate::trace::sample::Context;
 
-/// Longest edge, in pixels, at which a face is no longer bisected but its pixels are traced. Where this is 4, a picture
-/// takes longer and is farther off; where it is 12, glass takes a fifth more rays for the same error (docs/samples.md).
+/// Longest edge, in pixels, at which a face is no longer bisected but its pixels are traced: where time counts, large faces,
+/// for many small ones take longer to judge and to draw (docs/samples.md).
 pub const STOP_SIZE: f32 = 8.0;
+
+/// The same where samples are counted: of the pixels of a small face more are defined by its halves.
+pub const SPARING_STOP_SIZE: f32 = 4.0;
 
 /// The same for faces with a normal map, whose pixels are all traced: fewer, larger ones are less to draw.
 const MAPPED_STOP_SIZE: f32 = 24.0;
@@ -44,14 +47,14 @@ const MAPPED_STOP_SIZE: f32 = 24.0;
 /// The same for the paper's reconstruction, which traces no pixels and has nothing but samples: about a pixel.
 pub const PAPER_STOP_SIZE: f32 = 1.5;
 
-/// Share of the leaves that one step bisects.
+/// Share of the leaves that one step bisects or has traced.
 const BATCH_SHARE: usize = 8;
 const BATCH_MIN: usize = 64;
 const BATCH_MAX: usize = 4096;
 
 /// Root mean square of linear radiance that may be off for each pixel of displacement that `--error` allows: not all that
 /// goes wrong is displaced, shadows' borders least of all.
-const COLOR_PER_PIXEL: f32 = 0.005;
+const COLOR_PER_PIXEL: f32 = 0.001;
 
 /// Share of a bisected face's error that each half inherits.
 const INHERITED: f32 = 0.5;
@@ -94,6 +97,10 @@ pub struct Refiner<'a> {
     mapped: Vec<bool>,
     pixel_budget_used: f32,
     total_pixels: f32,
+    /// Whether faces of which samples say too little come before those whose error is known.
+    blind_first: bool,
+    /// Longest edge of a face whose pixels are traced, unless a normal map bends what it shows.
+    stop_size: f32,
 }
 
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -148,6 +155,8 @@ impl<'a> Refiner<'a> {
             mapped,
             pixel_budget_used: 0.0,
             total_pixels: 0.0,
+            blind_first: false,
+            stop_size: STOP_SIZE,
         };
         let faces = 0..refiner.mesh.faces.len() as u32;
         // The paper knows no traced pixels.
@@ -173,7 +182,7 @@ impl<'a> Refiner<'a> {
         match self.predictor.reconstruction {
             Reconstruction::Paper => PAPER_STOP_SIZE,
             Reconstruction::Exact if self.is_mapped(face) => MAPPED_STOP_SIZE,
-            Reconstruction::Exact => STOP_SIZE,
+            Reconstruction::Exact => self.stop_size,
         }
     }
 
@@ -223,6 +232,9 @@ impl<'a> Refiner<'a> {
         if effort.preview {
             return Ok(StoppedBy::Preview);
         }
+        if effort.max_samples.is_some() {
+            self.stop_size = SPARING_STOP_SIZE;
+        }
         let mut last_step = (Duration::ZERO, 0);
         loop {
             if effort.max_samples.is_some_and(|limit| self.cost() >= limit) {
@@ -234,12 +246,17 @@ impl<'a> Refiner<'a> {
             }) {
                 return Ok(StoppedBy::Budget);
             }
-            if effort.max_samples.is_none() && effort.budget.is_none() && self.is_within(effort.error) {
+            let until_error = effort.max_samples.is_none() && effort.budget.is_none();
+            let is_within = until_error && self.is_within(effort.error);
+            if is_within && !self.mesh.leaves().any(|face| self.is_blind(face)) {
                 return Ok(StoppedBy::Error);
+            }
+            if is_within && !self.blind_first {
+                self.put_blind_first();
             }
             let room = effort.max_samples.map_or(u64::MAX, |limit| limit - self.cost());
             let (step_started, cost) = (Instant::now(), self.cost());
-            if !self.step(room) {
+            if !self.step(room, is_within) {
                 return Ok(StoppedBy::Exhausted);
             }
             last_step = (step_started.elapsed(), self.cost() - cost);
@@ -247,19 +264,17 @@ impl<'a> Refiner<'a> {
         }
     }
 
-    /// Whether what is known is predicted to be within the `error` asked for, in pixels, and enough is known.
+    /// Whether what is known is predicted to be within the `error` asked for, in pixels.
     fn is_within(&self, error: f32) -> bool {
         let (shift, color) = self.predicted();
         // Gouraud shading is off in colour wherever a texture is seen: of the paper's, displacement alone is asked.
         let paper = self.predictor.reconstruction == Reconstruction::Paper;
-        shift <= error
-            && (paper || color <= error * COLOR_PER_PIXEL)
-            && !self.mesh.leaves().any(|face| self.is_blind(face))
+        shift <= error && (paper || color <= error * COLOR_PER_PIXEL)
     }
 
-    /// Bisects the most promising faces and traces their new vertices, at most about `room` of them.
-    /// False if nothing is left to refine.
-    fn step(&mut self, room: u64) -> bool {
+    /// Bisects the most promising faces and traces their new vertices, at most about `room` of them; if so asked, only those
+    /// of which samples say too little. False if nothing is left to refine.
+    fn step(&mut self, room: u64, only_blind: bool) -> bool {
         let leaves = self.mesh.faces.len() / 2 + 1;
         let batch = (leaves / BATCH_SHARE).clamp(BATCH_MIN, BATCH_MAX);
         let (vertices_before, pixels_before) = (self.mesh.vertices.len(), self.pixel_budget_used);
@@ -272,15 +287,21 @@ impl<'a> Refiner<'a> {
             if spent >= room {
                 break;
             }
-            let Some(Entry { face, .. }) = self.queue.pop() else { break };
-            if !self.mesh.faces[face as usize].is_leaf() {
+            let Some(entry) = self.queue.pop() else { break };
+            let face = entry.face;
+            if !self.mesh.faces[face as usize].is_leaf() || self.state[face as usize].traced {
                 continue;
+            }
+            if only_blind && !self.is_blind(face) {
+                self.queue.push(entry);
+                break;
             }
             if self.state[face as usize].size <= self.stop_size(face) {
                 // The paper knows no traced pixels: its faces stop here as they are.
                 if self.predictor.reconstruction == Reconstruction::Exact {
                     self.trace_pixels_of(face);
                     left_queue = true;
+                    popped += 1;
                 }
                 continue;
             }

@@ -21,6 +21,9 @@ const UNMATCHED: f32 = 0.12;
 /// turns within a face: small, so that these faces wait for all whose error is known, but are not forgotten.
 const BULGED: f32 = 0.02;
 
+/// Squared contribution below which a path that turns within a face does not matter.
+const SEEN: f32 = 0.005 * 0.005;
+
 /// Predicted error per pixel of a face.
 #[derive(Debug, Clone, Copy, Default, PartialEq)]
 pub struct Deviation {
@@ -213,6 +216,19 @@ impl Predictor<'_> {
             let nodes = [a, corners[1].sample.node(a.path)?, corners[2].sample.node(a.path)?];
             let one = nodes.iter().all(|node| node.target == a.target);
             (one || self.are_candidates(nodes.into_iter())).then_some(nodes)
+        })
+    }
+
+    /// Whether a path of several bounces that can be seen turns by more than `angle`, in radians, between two corners: what
+    /// it meets in between may be anything.
+    pub fn turns(&self, corners: [Corner; 3], angle: f32) -> bool {
+        let turns = |one: &Node, other: &Node| {
+            (one.direction - other.direction).length_squared() > angle * angle && self.square(one) > SEEN
+        };
+        [(0, 1), (1, 2), (2, 0)].into_iter().any(|(i, j)| {
+            let [one, other] = [i, j].map(|corner: usize| corners[corner].sample);
+            let deep = one.nodes.iter().filter(|node| node.bounces > 1);
+            deep.into_iter().any(|node| other.node(node.path).is_some_and(|same| turns(node, same)))
         })
     }
 
