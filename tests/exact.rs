@@ -6,7 +6,7 @@ mod common;
 use glam::{Vec2, Vec3, Vec4, vec3};
 use vertex_tracing::{
     frame::{Frame, Renderer},
-    options::{Mode, Msaa, Options, Shadows, Ss, VisibilityWay},
+    options::{Mode, Msaa, Options, Reconstruction, Shadows, Ss, VisibilityWay},
     report::{
         FloatImage,
         metrics::{Comparison, Encoding, compare},
@@ -242,6 +242,48 @@ fn many_faces_of_few_pixels_stay_out_of_the_mesh() {
             assert_eq!(second.image, frame.image, "pixels that are kept are the same");
             assert!(second.stats.rays.pixel < stats.rays.pixel / 10, "pixels are kept");
         }
+    }
+    gpu.finish();
+}
+
+#[test]
+fn a_larger_error_takes_fewer_rays() {
+    let gpu = TestGpu::open();
+    for demo in [Demo::CupAndGlass, Demo::GlassBowl] {
+        let scene = demo.scene();
+        let mut options = options(320, 256);
+        let truth = traced(&scene, &options, 1, None);
+        let mut before = (u64::MAX, 0.0);
+        for error in [0.5, 8.0] {
+            options.effort.error = error;
+            let frame = gpu.render(&scene, &options);
+            let (rays, rmse) = (frame.stats.rays.total, over_vt(&frame, &options, &truth).rmse);
+            println!("{} at {error}: {rays} rays, RMSE {rmse:.4}", demo.name());
+            assert!(rays as f64 * 1.05 < before.0 as f64, "{}: {rays} rays after {}", demo.name(), before.0);
+            assert!(rmse > before.1, "{}: RMSE {rmse:.4} after {:.4}", demo.name(), before.1);
+            assert!(frame.stats.predicted_error.unwrap() <= f64::from(error));
+            before = (rays, rmse);
+        }
+    }
+    gpu.finish();
+}
+
+// The budgets of docs/samples.md, which tells of other scenes too.
+#[test]
+fn few_samples_go_farther_than_the_papers() {
+    let gpu = TestGpu::open();
+    for (demo, least) in [(Demo::Cup, 8.0), (Demo::GlassBowl, 5.0)] {
+        let scene = demo.scene();
+        let mut options = options(1280, 1024);
+        options.scene.shadows = Shadows::None;
+        options.effort.max_samples = Some(12_000);
+        let truth = traced(&scene, &options, 1, None);
+        let [exact, paper] = [Reconstruction::Exact, Reconstruction::Paper].map(|reconstruction| {
+            options.method.reconstruction = reconstruction;
+            over_vt(&gpu.render(&scene, &options), &options, &truth).psnr.unwrap()
+        });
+        println!("{}: exact {exact:.1} dB, the paper's {paper:.1} dB", demo.name());
+        assert!(exact - paper >= least, "{}: exact {exact:.1} dB, the paper's {paper:.1} dB", demo.name());
     }
     gpu.finish();
 }
