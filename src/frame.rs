@@ -118,7 +118,11 @@ impl<'s> Renderer<'s> {
         let way = options.method.visibility;
         let finder = classes.map(|classes| kept.finder(gpu, scene, classes, way)).transpose()?;
         let painted = kept.painted(gpu, scene, (options, &plan), classes)?;
-        let settings = Settings { depth: plan.depth, ..Settings::new(&options.paths, &options.scene) };
+        let settings = Settings {
+            depth: plan.depth,
+            pixel_samples: options.method.pixel_samples.samples(),
+            ..Settings::new(&options.paths, &options.scene)
+        };
         if let Some(samples) = &mut kept.samples {
             samples.trace_with(&settings, scene);
         }

@@ -11,7 +11,7 @@ use crate::{
     error::{Error, Result},
     options::{
         CameraChoice, EffortOptions, Equation, FilterMode, MAX_NODES, MethodOptions, Mode, Msaa, PathOptions,
-        Reconstruction, SceneOptions, Shadows, Ss, ViewOptions, VisibilityWay,
+        PixelSamples, Reconstruction, SceneOptions, Shadows, Ss, ViewOptions, VisibilityWay,
     },
     scene::classify::VtRules,
 };
@@ -74,6 +74,9 @@ pub struct MethodArgs {
     /// Samples of a pixel that are each shaded
     #[arg(long, default_value_t, value_parser = values::choice::<Ss>())]
     pub ss: Ss,
+    /// Samples of each pixel that is traced by itself, so that what it shows is smooth too
+    #[arg(long, default_value_t, value_parser = values::choice::<PixelSamples>())]
+    pub pixel_samples: PixelSamples,
     /// How textures are filtered
     #[arg(long, default_value_t, value_parser = values::choice::<FilterMode>())]
     pub filter: FilterMode,
@@ -90,6 +93,7 @@ impl MethodArgs {
             visibility: self.visibility,
             msaa: self.msaa,
             ss: self.ss,
+            pixel_samples: self.pixel_samples,
             filter: self.filter,
         }
     }
@@ -103,7 +107,7 @@ pub struct EffortArgs {
     #[arg(long, conflicts_with_all = ["error", "max_samples", "budget"])]
     pub preview: bool,
     /// Refine until reflections are predicted to be displaced by no more than this, and colours to be off by no more
-    /// than 0.005 of it
+    /// than 0.001 of it
     #[arg(long, value_name = "PIXELS", default_value_t = EffortOptions::default().error, value_parser = values::non_negative)]
     pub error: f32,
     /// Trace no more vertices than this

@@ -114,6 +114,13 @@ choices! {
         Four = "4": "four shaded samples",
         Sixteen = "16": "sixteen shaded samples",
     }
+    /// Samples of a pixel that is traced by itself.
+    PixelSamples {
+        #[default]
+        One = "1": "one, at its centre",
+        Four = "4": "the mean of four",
+        Sixteen = "16": "the mean of sixteen",
+    }
     /// A picture of the method's data in place of the rendered image.
     Show {
         #[default]
@@ -128,6 +135,17 @@ choices! {
 
 impl Ss {
     /// Shaded samples a pixel.
+    pub fn samples(self) -> u32 {
+        match self {
+            Self::One => 1,
+            Self::Four => 4,
+            Self::Sixteen => 16,
+        }
+    }
+}
+
+impl PixelSamples {
+    /// Their number, a square.
     pub fn samples(self) -> u32 {
         match self {
             Self::One => 1,

@@ -4,7 +4,8 @@ mod choice;
 mod view;
 
 pub use choice::{
-    Choice, Equation, FilterMode, Mode, Msaa, Reconstruction, Shadows, Show, Ss, UnknownChoice, VisibilityWay,
+    Choice, Equation, FilterMode, Mode, Msaa, PixelSamples, Reconstruction, Shadows, Show, Ss, UnknownChoice,
+    VisibilityWay,
 };
 pub use view::{CameraChoice, DEFAULT_FOV, ViewOptions};
 
@@ -76,6 +77,8 @@ pub struct MethodOptions {
     pub msaa: Msaa,
     /// Shaded samples a pixel.
     pub ss: Ss,
+    /// Samples of each pixel that is traced by itself.
+    pub pixel_samples: PixelSamples,
     /// Texture filter.
     pub filter: FilterMode,
 }
@@ -93,6 +96,7 @@ impl Default for MethodOptions {
             visibility: VisibilityWay::default(),
             msaa: Msaa::default(),
             ss: Ss::default(),
+            pixel_samples: PixelSamples::default(),
             filter: FilterMode::default(),
         }
     }
@@ -103,7 +107,7 @@ impl Default for MethodOptions {
 pub struct EffortOptions {
     /// Primary vertices only, no refinement step.
     pub preview: bool,
-    /// Predicted RMS displacement of what is reflected, in pixels over VT pixels (design §6); 0.005 of it also bounds
+    /// Predicted RMS displacement of what is reflected, in pixels over VT pixels (design §6); 0.001 of it also bounds
     /// the predicted RMS error of linear radiance, since not all errors are displacements.
     pub error: f32,
     /// Most vertices to trace.

@@ -10,6 +10,7 @@ use super::per_pixel;
 use super::store::PixelStore;
 use crate::scene::{Scene, View};
 use crate::trace::Rays;
+use crate::trace::reference::sample_pattern;
 use crate::trace::sample::Context;
 use crate::visibility::{Class, Found, IdImage};
 
@@ -106,14 +107,17 @@ impl Direct {
     }
 
     /// Traces their pixels in `ids`, row by row; where they are more than `most`, those of some rows alone, about as many.
-    /// Pixels that `store` knows are not traced, and it learns the others.
+    /// Pixels that `store` knows are not traced, and it learns the others; of several samples a pixel those count that show
+    /// one of these faces, and no store is asked.
     pub fn trace(
         &self,
         context: &Context,
         ids: Option<IdImage>,
         most: u64,
-        mut store: Option<&mut PixelStore>,
+        store: Option<&mut PixelStore>,
     ) -> (Vec<DirectPixel>, Rays) {
+        let pattern = sample_pattern(context.settings.pixel_samples);
+        let mut store = store.filter(|_| pattern.len() == 1);
         let Some(ids) = ids.filter(|_| !self.is_empty()) else { return Default::default() };
         if let Some(store) = &mut store {
             store.look_at(context.view);
@@ -132,7 +136,16 @@ impl Direct {
                     let index = y * width + x;
                     let (origin, direction) = context.view.ray(Vec2::new(x as f32, y as f32) + 0.5);
                     let kept = known.and_then(|known| known.get(index, base));
-                    let radiance = kept.or_else(|| {
+                    let mut several = || {
+                        per_pixel::mean(pattern.iter().filter_map(|&inside| {
+                            let ray = context.view.ray(Vec2::new(x as f32, y as f32) + inside);
+                            rays.primary += 1;
+                            let hit = context.tracer.closest(ray.0, ray.1).filter(|hit| self.is(hit.face))?;
+                            per_pixel::radiance(context, hit.face, ray, &mut nodes, &mut rays)
+                        }))
+                    };
+                    let seen = kept.or_else(|| if pattern.len() > 1 { several() } else { None });
+                    let radiance = seen.or_else(|| {
                         per_pixel::radiance(context, base, (origin, direction), &mut nodes, &mut rays)
                     });
                     let radiance = radiance.unwrap_or(Vec3::ZERO);

@@ -62,8 +62,13 @@ impl Footprint {
     /// Distance of the centre of a pixel from the nearest side, in pixels and negative outside; zero where the sides are
     /// not known.
     pub fn inside(&self, x: u32, y: u32) -> f32 {
-        let centre = Vec3::new(x as f32 + 0.5, y as f32 + 0.5, 1.0);
-        self.sides.iter().map(|side| side.dot(centre)).fold(f32::INFINITY, f32::min)
+        self.inside_at(Vec2::new(x as f32, y as f32) + 0.5)
+    }
+
+    /// The same of any point of the image, in pixels.
+    pub fn inside_at(&self, point: Vec2) -> f32 {
+        let point = point.extend(1.0);
+        self.sides.iter().map(|side| side.dot(point)).fold(f32::INFINITY, f32::min)
     }
 
     /// Columns of row `y` whose centres are at most `margin` pixels outside of every side.

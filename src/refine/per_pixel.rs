@@ -7,6 +7,7 @@ use super::footprint::{Footprint, ROUNDING};
 use super::mesh::Mesh;
 use super::pixels::Shown;
 use super::store::PixelStore;
+use crate::trace::reference::sample_pattern;
 use crate::trace::sample::{self, Context};
 use crate::trace::{Rays, Surface};
 
@@ -33,17 +34,21 @@ pub struct TracedPixel {
 /// Traces the pixels whose centres lie in the leaves `faces`, from the point of the base face that shows
 /// there. An image of the faces says where it does; without one, a primary ray a pixel. Pixels that `store` knows are
 /// not traced, and it learns the others. Pixels of one face come together, row by row.
+///
+/// Of several samples a pixel those count that lie in the leaf, and no store is asked.
 pub fn trace(
     context: &Context,
     mesh: &Mesh,
     shown: Shown,
     faces: &[u32],
-    mut store: Option<&mut PixelStore>,
+    store: Option<&mut PixelStore>,
 ) -> (Vec<TracedPixel>, Rays) {
+    let pattern = sample_pattern(context.settings.pixel_samples);
+    let mut store = store.filter(|_| pattern.len() == 1);
     if let Some(store) = &mut store {
         store.look_at(context.view);
     }
-    let known = store.as_deref();
+    let pass = Pass { context, mesh, shown, known: store.as_deref(), pattern: &pattern };
     let mut faces = faces.to_vec();
     faces.sort_by_cached_key(|&face| {
         let Footprint { columns, rows, .. } = Footprint::new(mesh, context.view, face);
@@ -54,7 +59,7 @@ pub fn trace(
         .map(|faces| {
             let mut chunk = Chunk::default();
             for &face in faces {
-                chunk.trace_face(context, mesh, shown, face, known);
+                pass.trace_face(face, &mut chunk);
             }
             chunk
         })
@@ -78,20 +83,23 @@ pub fn trace(
 struct Chunk {
     pixels: Vec<TracedPixel>,
     rays: Rays,
-    /// Nodes of the pixel at hand.
+    /// Nodes of the sample at hand.
     nodes: Vec<sample::Node>,
 }
 
-impl Chunk {
-    fn trace_face(
-        &mut self,
-        context: &Context,
-        mesh: &Mesh,
-        shown: Shown,
-        face: u32,
-        known: Option<&PixelStore>,
-    ) {
-        let view = context.view;
+/// What tracing pixels takes.
+struct Pass<'a> {
+    context: &'a Context<'a>,
+    mesh: &'a Mesh,
+    shown: Shown<'a>,
+    known: Option<&'a PixelStore>,
+    /// Where the samples of a pixel lie in it.
+    pattern: &'a [Vec2],
+}
+
+impl Pass<'_> {
+    fn trace_face(&self, face: u32, chunk: &mut Chunk) {
+        let Self { context: &Context { view, .. }, mesh, shown, known, pattern } = *self;
         let base = mesh.faces[face as usize].base;
         let footprint = Footprint::new(mesh, view, face);
         for y in footprint.rows.clone() {
@@ -99,30 +107,44 @@ impl Chunk {
                 if matches!(shown, Shown::Image(ids) if ids.face(x, y) != Some(base)) {
                     continue;
                 }
-                let (origin, direction) = view.ray(Vec2::new(x as f32 + 0.5, y as f32 + 0.5));
+                let corner = Vec2::new(x as f32, y as f32);
+                let centre = view.ray(corner + 0.5);
                 // Near its sides the refined mesh says to which leaf a centre belongs: to one alone.
                 if footprint.inside(x, y) < CERTAIN {
-                    let image = if view.orthographic { mesh.image_of(origin) } else { direction };
+                    let image = if view.orthographic { mesh.image_of(centre.0) } else { centre.1 };
                     if mesh.leaf_at(base, image) != Some(face) {
                         continue;
                     }
                 }
                 let index = y * view.width + x;
                 let kept = known.and_then(|known| known.get(index, base));
-                let radiance = kept.or_else(|| self.radiance(context, shown, base, (origin, direction)));
-                self.pixels.extend(radiance.map(|radiance| TracedPixel { index, face, radiance }));
+                let mut several = || {
+                    let points = pattern.iter().map(|&inside| corner + inside);
+                    let within = points.filter(|&point| footprint.inside_at(point) >= 0.0);
+                    mean(within.filter_map(|point| self.radiance(base, view.ray(point), chunk)))
+                };
+                let seen = kept.or_else(|| if pattern.len() > 1 { several() } else { None });
+                let radiance = seen.or_else(|| self.radiance(base, centre, chunk));
+                chunk.pixels.extend(radiance.map(|radiance| TracedPixel { index, face, radiance }));
             }
         }
     }
 
     /// What a view ray sees of base face `base`, if it shows there.
-    fn radiance(&mut self, context: &Context, shown: Shown, base: u32, ray: (Vec3, Vec3)) -> Option<Vec3> {
-        if matches!(shown, Shown::Counts(_)) {
-            self.rays.primary += 1;
-            context.tracer.closest(ray.0, ray.1).filter(|hit| hit.face == base)?;
+    fn radiance(&self, base: u32, ray: (Vec3, Vec3), chunk: &mut Chunk) -> Option<Vec3> {
+        let Chunk { rays, nodes, .. } = chunk;
+        if matches!(self.shown, Shown::Counts(_)) {
+            rays.primary += 1;
+            self.context.tracer.closest(ray.0, ray.1).filter(|hit| hit.face == base)?;
         }
-        radiance(context, base, ray, &mut self.nodes, &mut self.rays)
+        radiance(self.context, base, ray, nodes, rays)
     }
+}
+
+/// Mean of some radiances; `None` of none.
+pub(super) fn mean(radiances: impl Iterator<Item = Vec3>) -> Option<Vec3> {
+    let (sum, count) = radiances.fold((Vec3::ZERO, 0), |(sum, count), radiance| (sum + radiance, count + 1));
+    (count > 0).then(|| sum / count as f32)
 }
 
 /// What a view ray, origin and direction, sees of base face `base`; `None` if that has no area. `nodes` is room to work in.

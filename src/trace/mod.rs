@@ -33,6 +33,8 @@ pub struct Settings {
     pub shadows: Shadows,
     /// Whether metals follow Schlick's approximation instead of the paper's constant k_r (Eq. 1).
     pub fresnel: bool,
+    /// Samples of each pixel that is traced by itself, a square number; the reference tracer is told its own.
+    pub pixel_samples: u32,
 }
 
 impl Settings {
@@ -43,6 +45,7 @@ impl Settings {
             min_throughput: paths.min_throughput,
             shadows: scene.shadows,
             fresnel: scene.fresnel,
+            pixel_samples: 1,
         }
     }
 }

@@ -158,8 +158,8 @@ impl Tile {
     }
 }
 
-/// Positions inside the unit square.
-fn sample_pattern(spp: u32) -> Vec<Vec2> {
+/// Positions inside the unit square: a regular grid for a square number, the centre for one.
+pub fn sample_pattern(spp: u32) -> Vec<Vec2> {
     let side = spp.isqrt();
     if side * side == spp {
         let step = 1.0 / side as f32;

@@ -31,6 +31,7 @@ pub fn render_line(scene: &Path, options: &Options) -> String {
     line.choice("--visibility", method.visibility);
     line.choice("--msaa", method.msaa);
     line.choice("--ss", method.ss);
+    line.choice("--pixel-samples", method.pixel_samples);
     line.choice("--filter", method.filter);
     line.flag("--preview", effort.preview);
     line.changed("--error", effort.error, default.effort.error);
