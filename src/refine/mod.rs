@@ -38,8 +38,11 @@ use crate::trace::sample::Context;
 /// for many small ones take longer to judge and to draw (docs/samples.md).
 pub const STOP_SIZE: f32 = 8.0;
 
-/// The same where samples are counted: of the pixels of a small face more are defined by its halves.
+/// The same where samples are counted and few: more of a small face's pixels are defined by its halves.
 pub const SPARING_STOP_SIZE: f32 = 4.0;
+
+/// Samples for each pixel of the refined faces below which they are few.
+const FEW: f32 = 0.5;
 
 /// The same for faces with a normal map, whose pixels are all traced: fewer, larger ones are less to draw.
 const MAPPED_STOP_SIZE: f32 = 24.0;
@@ -232,7 +235,7 @@ impl<'a> Refiner<'a> {
         if effort.preview {
             return Ok(StoppedBy::Preview);
         }
-        if effort.max_samples.is_some() {
+        if effort.max_samples.is_some_and(|limit| (limit as f32) < FEW * self.total_pixels) {
             self.stop_size = SPARING_STOP_SIZE;
         }
         let mut last_step = (Duration::ZERO, 0);
