@@ -28,7 +28,7 @@ const CURVED: f32 = 0.12;
 
 /// Share of a path's squared contribution that is expected to be wrong where something enters its shaft: unlike
 /// exploration it does not fade, since what stands there does not go away.
-pub(super) const GUARDED: f32 = 0.05;
+const GUARDED: f32 = 0.05;
 
 /// Largest angle between the normals of a face's corners, in radians, at which its shafts are looked into. What hides is
 /// hidden by the size of flat faces; on curved ones samples lie close, and looking into their shafts made refinement
@@ -99,9 +99,10 @@ impl Refiner<'_> {
                 }
             })
             .collect();
-        self.state.resize(self.mesh.faces.len(), State::default());
         for (&face, state) in faces.iter().zip(states) {
             self.state[face as usize] = state;
+            let color = state.deviation.color + GUARDED * state.guarded;
+            self.predicted[face as usize] = [state.deviation.shift, color].map(|square| square * state.pixels);
             let level = i32::from(self.mesh.faces[face as usize].level);
             let large = (state.pixels / EXPLORE_PIXELS).min(1.0).powi(2);
             let fade = if self.is_urgent(face) { 1.0 } else { large.max(EXPLORE_FADE.powi(level)) };
@@ -112,9 +113,9 @@ impl Refiner<'_> {
                 (true, true) => FIRST,
             };
             let explored = (EXPLORE * fade).max(blind);
-            let color = state.deviation.color + GUARDED * state.guarded + explored;
-            if state.pixels > 0.0 && color > NEGLIGIBLE {
-                self.queue.push(Entry { priority: color * state.pixels, face });
+            let worth = color + explored;
+            if state.pixels > 0.0 && worth > NEGLIGIBLE {
+                self.queue.push(Entry { priority: worth * state.pixels, face });
             }
         }
     }

@@ -24,7 +24,7 @@ use std::time::{Duration, Instant};
 use rayon::prelude::*;
 
 use self::dense::Dense;
-use self::judge::{GUARDED, Inherited, State};
+use self::judge::{Inherited, State};
 use self::mesh::{Mesh, Split};
 use self::pixels::Shown;
 use self::predict::{Corner, Deviation, Predictor};
@@ -95,6 +95,9 @@ pub struct Refiner<'a> {
     /// Samples of earlier frames, and of this one for later frames.
     store: Option<&'a mut SampleStore>,
     state: Vec<State>,
+    /// By face: predicted squares of displacement and colour times its pixels, nothing unless it is a leaf. Apart, for all
+    /// are added up after every step.
+    predicted: Vec<[f32; 2]>,
     queue: BinaryHeap<Entry>,
     /// By material: whether it has a normal map that pixels can be traced for.
     mapped: Vec<bool>,
@@ -154,6 +157,7 @@ impl<'a> Refiner<'a> {
             reserve: Reserve::default(),
             store,
             state: Vec::new(),
+            predicted: Vec::new(),
             queue: BinaryHeap::new(),
             mapped,
             pixel_budget_used: 0.0,
@@ -169,7 +173,7 @@ impl<'a> Refiner<'a> {
         };
         let store = refiner.store.as_deref_mut();
         refiner.samples.extend(context, &refiner.mesh, store, |vertex| dense.wanted[vertex as usize]);
-        refiner.state.resize(refiner.mesh.faces.len(), State::default());
+        refiner.make_room();
         let (traced, others): (Vec<u32>, Vec<u32>) = faces.partition(|&face| dense.is(face));
         for face in traced {
             refiner.state[face as usize].pixels = dense.pixels(face);
@@ -206,10 +210,9 @@ impl<'a> Refiner<'a> {
             return (0.0, 0.0);
         }
         let (mut shift, mut color) = (0.0_f64, 0.0_f64);
-        for face in self.mesh.leaves() {
-            let state = &self.state[face as usize];
-            shift += f64::from(state.deviation.shift * state.pixels);
-            color += f64::from((state.deviation.color + GUARDED * state.guarded) * state.pixels);
+        for of_face in &self.predicted {
+            shift += f64::from(of_face[0]);
+            color += f64::from(of_face[1]);
         }
         let mean = |sum: f64| (sum / f64::from(self.total_pixels)).sqrt() as f32;
         (mean(shift), mean(color))
@@ -315,8 +318,9 @@ impl<'a> Refiner<'a> {
             return false;
         }
         self.samples.extend(self.context, &self.mesh, self.store.as_deref_mut(), |_| true);
-        self.state.resize(self.mesh.faces.len(), State::default());
+        self.make_room();
         for split in &splits {
+            self.predicted[split.face as usize] = [0.0; 2];
             self.hand_down(split.face);
         }
         splits.retain(|split| !self.state[split.face as usize].traced);
@@ -354,12 +358,19 @@ impl<'a> Refiner<'a> {
         Corner { sample: self.samples.get(vertex), distance, normal }
     }
 
+    /// Makes room for what is known of new faces.
+    fn make_room(&mut self) {
+        self.state.resize(self.mesh.faces.len(), State::default());
+        self.predicted.resize(self.mesh.faces.len(), [0.0; 2]);
+    }
+
     fn trace_pixels_of(&mut self, face: u32) {
         let state = &mut self.state[face as usize];
         self.pixel_budget_used += state.pixels;
         state.deviation = Deviation::default();
         state.guarded = 0.0;
         state.traced = true;
+        self.predicted[face as usize] = [0.0; 2];
         self.pixel_faces.push(face);
     }
 
