@@ -155,7 +155,7 @@ impl Lab {
             .collect::<Result<_>>()?;
 
         // Few samples are spent otherwise than many: the least rays that either way takes.
-        let few = truth.mask.iter().filter(|&&vt| vt).count() as u64 / 2;
+        let few = truth.mask.iter().filter(|&&vt| vt).count() as u64 * 2 / 5;
         let (mut targets, at_vertices) = self.climb(scene, &options, view, truth, MOST)?;
         if reconstruction == Reconstruction::Exact && few < MOST {
             let (sparing, _) = self.climb(scene, &options, view, truth, few)?;

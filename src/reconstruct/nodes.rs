@@ -137,11 +137,11 @@ impl Matcher<'_> {
         let mut leaf = LeafNodes::default();
         let mut parts: Vec<Part> = Vec::new();
         for (index, corner) in corners.iter().enumerate() {
-            for node in corner.sample.nodes {
-                if corners[..index].iter().any(|earlier| earlier.sample.node(node.path).is_some()) {
+            for (at, node) in corner.sample.nodes.iter().enumerate() {
+                if corners[..index].iter().any(|earlier| earlier.sample.node_near(node.path, at).is_some()) {
                     continue; // judged at the first corner that has the path
                 }
-                let found = corners.map(|other| other.sample.node(node.path));
+                let found = corners.map(|other| other.sample.node_near(node.path, at));
                 match found {
                     [Some(a), Some(b), Some(c)] if self.interpolates([a, b, c]) => {
                         leaf.defined &= [(a, b), (b, c), (c, a)]

@@ -102,7 +102,8 @@ impl Refiner<'_> {
         for (&face, state) in faces.iter().zip(states) {
             self.state[face as usize] = state;
             let color = state.deviation.color + GUARDED * state.guarded;
-            self.predicted[face as usize] = [state.deviation.shift, color].map(|square| square * state.pixels);
+            self.predicted[face as usize] =
+                [state.deviation.shift, color].map(|square| square * state.pixels);
             let level = i32::from(self.mesh.faces[face as usize].level);
             let large = (state.pixels / EXPLORE_PIXELS).min(1.0).powi(2);
             let fade = if self.is_urgent(face) { 1.0 } else { large.max(EXPLORE_FADE.powi(level)) };

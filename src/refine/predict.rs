@@ -83,8 +83,8 @@ impl Predictor<'_> {
     pub fn edge(&self, ends: [Corner; 2], middle: Corner, pixels: f32) -> Deviation {
         let mut deviation = Deviation::default();
         let total = total_contribution(middle.sample);
-        for node in middle.sample.nodes {
-            let pair = ends.map(|end| end.sample.node(node.path));
+        for (at, node) in middle.sample.nodes.iter().enumerate() {
+            let pair = ends.map(|end| end.sample.node_near(node.path, at));
             let [Some(a), Some(b)] = pair else { continue };
             let share = contribution(node, self.structure(node.target)) / total;
             let (color, shift) = match self.reconstruction {
@@ -212,8 +212,9 @@ impl Predictor<'_> {
 
     /// The paths that are followed between all three corners.
     pub fn trusted<'n>(&self, corners: [Corner<'n>; 3]) -> impl Iterator<Item = [&'n Node; 3]> {
-        corners[0].sample.nodes.iter().filter_map(move |a| {
-            let nodes = [a, corners[1].sample.node(a.path)?, corners[2].sample.node(a.path)?];
+        corners[0].sample.nodes.iter().enumerate().filter_map(move |(at, a)| {
+            let near = |corner: usize| corners[corner].sample.node_near(a.path, at);
+            let nodes = [a, near(1)?, near(2)?];
             let one = nodes.iter().all(|node| node.target == a.target);
             (one || self.are_candidates(nodes.into_iter())).then_some(nodes)
         })
@@ -227,8 +228,8 @@ impl Predictor<'_> {
         };
         [(0, 1), (1, 2), (2, 0)].into_iter().any(|(i, j)| {
             let [one, other] = [i, j].map(|corner: usize| corners[corner].sample);
-            let deep = one.nodes.iter().filter(|node| node.bounces > 1);
-            deep.into_iter().any(|node| other.node(node.path).is_some_and(|same| turns(node, same)))
+            let mut deep = one.nodes.iter().enumerate().filter(|(_, node)| node.bounces > 1);
+            deep.any(|(at, node)| other.node_near(node.path, at).is_some_and(|same| turns(node, same)))
         })
     }
 
@@ -244,11 +245,11 @@ impl Predictor<'_> {
         let total =
             samples.iter().map(|&sample| total_contribution(sample)).fold(f32::MIN_POSITIVE, f32::max);
         for (index, sample) in samples.iter().enumerate() {
-            for node in sample.nodes {
-                if samples[..index].iter().any(|earlier| earlier.node(node.path).is_some()) {
+            for (at, node) in sample.nodes.iter().enumerate() {
+                if samples[..index].iter().any(|earlier| earlier.node_near(node.path, at).is_some()) {
                     continue; // judged at the first corner that has the path
                 }
-                let found = samples.map(|other| other.node(node.path));
+                let found = samples.map(|other| other.node_near(node.path, at));
                 let loss = match found {
                     [Some(a), Some(b), Some(c)] => self.mismatch(corners, [a, b, c]),
                     _ => Some(contribution_of(&found, self)),

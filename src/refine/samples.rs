@@ -45,6 +45,11 @@ impl<'a> Sample<'a> {
     pub fn node(&self, path: u32) -> Option<&'a Node> {
         self.nodes.iter().find(|node| node.path == path)
     }
+
+    /// The same where a neighbour has that path at the end of its node number `index`: mostly it is there too.
+    pub fn node_near(&self, path: u32, index: usize) -> Option<&'a Node> {
+        self.nodes.get(index).filter(|node| node.path == path).or_else(|| self.node(path))
+    }
 }
 
 impl Samples {
