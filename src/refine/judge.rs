@@ -35,8 +35,8 @@ const GUARDED: f32 = 0.05;
 /// three to ten times as long and found nothing (docs/samples.md).
 const FLAT: f32 = 0.01;
 
-/// Squared error per pixel that lets a face be looked at before all others.
-const FIRST: f32 = 1e6;
+/// Squared error per pixel that lets a face be looked at before all others, though it have next to no pixels.
+const FIRST: f32 = 1e12;
 
 /// Predicted squared error per pixel below which nothing is worth a sample: half an 8-bit step.
 const NEGLIGIBLE: f32 = (0.5 / 255.0) * (0.5 / 255.0);
