@@ -110,7 +110,7 @@ pub struct EffortArgs {
     /// than 0.001 of it
     #[arg(long, value_name = "PIXELS", default_value_t = EffortOptions::default().error, value_parser = values::non_negative)]
     pub error: f32,
-    /// Trace no more vertices than this
+    /// Trace no more vertices, and pixels by themselves, than this
     #[arg(long, value_name = "N")]
     pub max_samples: Option<u64>,
     /// Take no longer than this for the frame

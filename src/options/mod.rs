@@ -110,7 +110,7 @@ pub struct EffortOptions {
     /// Predicted RMS displacement of what is reflected, in pixels over VT pixels (design §6); 0.001 of it also bounds
     /// the predicted RMS error of linear radiance, since not all errors are displacements.
     pub error: f32,
-    /// Most vertices to trace.
+    /// Most vertices to trace, and pixels that are traced by themselves.
     pub max_samples: Option<u64>,
     /// Longest time for the frame; the one option whose image may differ from run to run.
     #[serde(rename = "budget_ms", serialize_with = "milliseconds")]

@@ -22,7 +22,7 @@ const UNMATCHED: f32 = 0.12;
 const BULGED: f32 = 0.02;
 
 /// Squared contribution below which a path that turns within a face does not matter.
-const SEEN: f32 = 0.005 * 0.005;
+const FAINT: f32 = 0.005 * 0.005;
 
 /// Predicted error per pixel of a face.
 #[derive(Debug, Clone, Copy, Default, PartialEq)]
@@ -224,7 +224,7 @@ impl Predictor<'_> {
     /// it meets in between may be anything.
     pub fn turns(&self, corners: [Corner; 3], angle: f32) -> bool {
         let turns = |one: &Node, other: &Node| {
-            (one.direction - other.direction).length_squared() > angle * angle && self.square(one) > SEEN
+            (one.direction - other.direction).length_squared() > angle * angle && self.square(one) > FAINT
         };
         [(0, 1), (1, 2), (2, 0)].into_iter().any(|(i, j)| {
             let [one, other] = [i, j].map(|corner: usize| corners[corner].sample);
