@@ -161,7 +161,7 @@ vec3 node_radiance(inout uint at, Branches branches, out uint branch) {
 // Radiance of the traced pixel under the fragment, of those at `block`: false where it has none.
 bool traced_radiance(uint block, out vec3 traced) {
     uvec4 corner_and_size = node_words(block);
-    uvec2 cell = uvec2(gl_FragCoord.xy) - corner_and_size.xy;
+    uvec2 cell = (uvec2(gl_FragCoord.xy) >> frame.halvings) - corner_and_size.xy;
     uint index = cell.y * corner_and_size.z + cell.x;
     // Two to a texel, as halves.
     uvec4 pair = node_words(block + 1u + index / 2u);

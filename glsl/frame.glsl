@@ -23,7 +23,7 @@ layout(set = 0, binding = 0, scalar) uniform Frame {
     Light lights[MAX_LIGHTS];
     uint width;
     uint height;
-    uint pad;
+    uint halvings;      // of a pixel's side: it is 1 << halvings fragments across and high
 } frame;
 
 // Materials and targets, fixed for a scene. A texel buffer, not a storage buffer: what it holds feeds

@@ -343,7 +343,8 @@ impl<'s> Renderer<'s> {
         let (passes, nothing) =
             self.plan.passes_for(leaves.as_ref().map_or(COMPONENT_PRIMARY, Drawn::components));
         stats.left_out.extend(nothing);
-        let shaded = if self.warming_up { 1 } else { self.options.method.ss.samples() };
+        let shaded = self.options.method.ss.samples();
+        let shaded = if self.warming_up { shaded.min(4) } else { shaded };
         let (drawings, mean) = supersample::draw(painter, &block, leaves.as_ref(), &passes, shaded)?;
         stats.time_ms.draw = ms(time);
         stats.time_ms.frame = ms(started);

@@ -181,7 +181,7 @@ fn frame_and_leaves() {
         lights,
         width,
         height,
-        pad,
+        halvings,
     });
     let light =
         layout!(LightBlock { position, range, direction, kind, intensity, outer_cos, cone_scale, pad });

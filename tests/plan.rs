@@ -13,7 +13,7 @@ use rungs::Rung;
 use vertex_tracing::{
     constants::{COMPONENT_PRIMARY, COMPONENT_REFLECTED},
     gpu::census::Kind,
-    options::{Mode, Options},
+    options::{Mode, Msaa, Options, Ss},
     plan::{Plan, Summary},
     reconstruct::passes::list_bytes,
     report::metrics::{Encoding, compare},
@@ -103,19 +103,29 @@ fn the_cost_told_without_a_device_is_the_cost_on_it() {
         for everything in [false, true] {
             let scene = rung.scene().unwrap();
             let options = Options { everything, ..rung.options(SIZE) };
-            let cost = Plan::new(&scene, &options).cost(&scene, &options);
-            let census = measured(rung, everything).census;
-            for resource in cost.resources.iter().filter(|resource| !resource.objects.is_empty()) {
-                let bytes: u64 = resource
-                    .objects
-                    .iter()
-                    .map(|name| {
-                        census.named(Kind::Buffer, name).bytes + census.named(Kind::Image, name).bytes
-                    })
-                    .sum();
-                assert_eq!(bytes, resource.bytes, "{}, {everything}: {}", rung.name(), resource.what);
-            }
+            assert_costs(&scene, &options, &format!("{}, {everything}", rung.name()));
         }
+    }
+    let scene = Rung::All.scene().unwrap();
+    for (ss, msaa) in [(Ss::One, Msaa::Four), (Ss::Four, Msaa::One), (Ss::Sixteen, Msaa::Four)] {
+        let mut options = Rung::All.options(SIZE);
+        (options.method.ss, options.method.msaa) = (ss, msaa);
+        assert_costs(&scene, &options, &format!("ss {ss}, msaa {msaa}"));
+    }
+}
+
+fn assert_costs(scene: &Scene, options: &Options, what: &str) {
+    let cost = Plan::new(scene, options).cost(scene, options);
+    let gpu = TestGpu::open();
+    let census = take_scene(&gpu, scene, options, 1).unwrap().census;
+    gpu.finish();
+    for resource in cost.resources.iter().filter(|resource| !resource.objects.is_empty()) {
+        let bytes: u64 = resource
+            .objects
+            .iter()
+            .map(|name| census.named(Kind::Buffer, name).bytes + census.named(Kind::Image, name).bytes)
+            .sum();
+        assert_eq!(bytes, resource.bytes, "{what}: {}", resource.what);
     }
 }
 

@@ -309,37 +309,53 @@ impl<'a> Recording<'a> {
     /// shaders.
     pub(super) fn make_mips(&mut self, image: &Arc<RawImage>) {
         self.image_access(image, Access::TransferWrite, false);
-        let extent = |level: u32| {
-            let size = |size: u32| (size >> level).max(1) as i32;
-            [vk::Offset3D::default(), vk::Offset3D { x: size(image.width), y: size(image.height), z: 1 }]
-        };
-        let layers = |level| vk::ImageSubresourceLayers {
-            aspect_mask: vk::ImageAspectFlags::COLOR,
-            mip_level: level,
-            base_array_layer: 0,
-            layer_count: image.layers,
-        };
         for level in 0..image.mips {
             if level > 0 {
-                let blit = [vk::ImageBlit2::default()
-                    .src_subresource(layers(level - 1))
-                    .src_offsets(extent(level - 1))
-                    .dst_subresource(layers(level))
-                    .dst_offsets(extent(level))];
-                let info = vk::BlitImageInfo2::default()
-                    .src_image(image.handle)
-                    .src_image_layout(Access::TransferRead.layout())
-                    .dst_image(image.handle)
-                    .dst_image_layout(Access::TransferWrite.layout())
-                    .regions(&blit)
-                    .filter(vk::Filter::LINEAR);
-                // SAFETY: recording; the level above is in the layout of a source, this one of a target.
-                unsafe { self.device().cmd_blit_image2(self.raw(), &info) };
+                self.blit((image, level - 1), (image, level));
             }
             self.mip_barrier(image, (level, 1), (Access::TransferWrite, Access::TransferRead));
         }
         self.mip_barrier(image, (0, image.mips), (Access::TransferRead, Access::ShaderRead));
         self.touch_image(image, Access::ShaderRead);
+    }
+
+    /// Fills all of `to` with all of `from`: where each side of it is half as long, with the means of four texels each.
+    ///
+    /// # Panics
+    /// If they differ in format.
+    pub fn shrink(&mut self, from: &Image, to: &Image) {
+        assert_eq!(from.format(), to.format(), "{} and {} differ in format", from.raw.name, to.raw.name);
+        self.image_access(&from.raw, Access::TransferRead, false);
+        self.image_access(&to.raw, Access::TransferWrite, true);
+        self.blit((&from.raw, 0), (&to.raw, 0));
+    }
+
+    /// Copies one level to another, filtered linearly; the caller has readied both.
+    fn blit(&mut self, from: (&RawImage, u32), to: (&RawImage, u32)) {
+        let layers = |(image, level): (&RawImage, u32)| vk::ImageSubresourceLayers {
+            aspect_mask: vk::ImageAspectFlags::COLOR,
+            mip_level: level,
+            base_array_layer: 0,
+            layer_count: image.layers,
+        };
+        let extent = |(image, level): (&RawImage, u32)| {
+            let size = |size: u32| (size >> level).max(1) as i32;
+            [vk::Offset3D::default(), vk::Offset3D { x: size(image.width), y: size(image.height), z: 1 }]
+        };
+        let region = [vk::ImageBlit2::default()
+            .src_subresource(layers(from))
+            .src_offsets(extent(from))
+            .dst_subresource(layers(to))
+            .dst_offsets(extent(to))];
+        let info = vk::BlitImageInfo2::default()
+            .src_image(from.0.handle)
+            .src_image_layout(Access::TransferRead.layout())
+            .dst_image(to.0.handle)
+            .dst_image_layout(Access::TransferWrite.layout())
+            .regions(&region)
+            .filter(vk::Filter::LINEAR);
+        // SAFETY: recording; the source is in the layout of a source, the other in that of a target.
+        unsafe { self.device().cmd_blit_image2(self.raw(), &info) };
     }
 
     fn mip_barrier(&mut self, image: &RawImage, mips: (u32, u32), accesses: (Access, Access)) {

@@ -167,6 +167,11 @@ impl Image {
         Ok(Self { raw: Arc::new(RawImage::new(gpu, desc)?) })
     }
 
+    /// Whether the device has any such image of this size.
+    pub fn is_supported(gpu: &Gpu, desc: &ImageDesc<'_>) -> bool {
+        RawImage::supported(gpu, desc)
+    }
+
     /// Width in texels.
     pub fn width(&self) -> u32 {
         self.raw.width

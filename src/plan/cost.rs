@@ -4,7 +4,7 @@ use serde::Serialize;
 
 use super::Plan;
 use crate::constants::{MATERIAL_TEXELS, TARGET_TEXELS};
-use crate::options::{Msaa, Options, VisibilityWay};
+use crate::options::{Msaa, Options, Ss, VisibilityWay};
 use crate::reconstruct::leaves::GpuLeaf;
 use crate::reconstruct::{bank, base, passes, table::Texel};
 use crate::scene::{AlphaMode, Scene};
@@ -65,13 +65,13 @@ impl Plan {
         let (textures, panorama) =
             (self.textures.bytes(scene, options.method.filter), bank::panorama_bytes(scene));
         let (samples, resolved) = if options.method.msaa == Msaa::Four { (4, 1) } else { (1, 0) };
-        let depth = if single_pass { 8 } else { 4 };
+        let (fragments, mean) = if options.method.ss == Ss::One { (1, 0) } else { (4, 8) };
 
         let mut resources = vec![
             Resource {
                 what: "image, its depth and its way to the host",
-                bytes: pixels * (8 + 8 * samples * resolved + depth.min(4) * samples + 8),
-                objects: &["color", "multisampled color", "depth", "image staging"],
+                bytes: pixels * (fragments * (8 + 8 * samples * resolved + 4 * samples) + mean + 8),
+                objects: &["color", "mean color", "multisampled color", "depth", "image staging"],
             },
             Resource { what: "textures", bytes: textures, objects: &[bank::TEXTURES] },
             Resource { what: "panorama", bytes: panorama, objects: &[] },

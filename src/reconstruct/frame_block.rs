@@ -51,8 +51,8 @@ pub struct FrameBlock {
     pub width: u32,
     /// Image height in pixels.
     pub height: u32,
-    /// Fills the last 16 bytes.
-    pub pad: u32,
+    /// How often a pixel's side is halved: it is `1 << halvings` fragments across and high.
+    pub halvings: u32,
 }
 
 impl FrameBlock {
@@ -77,8 +77,13 @@ impl FrameBlock {
             lights,
             width: view.width,
             height: view.height,
-            pad: 0,
+            halvings: 0,
         }
+    }
+
+    /// The block with four times as many fragments a pixel.
+    pub fn halved(self) -> Self {
+        Self { halvings: self.halvings + 1, ..self }
     }
 
     /// The block with its image moved by a part of a pixel: for samples other than pixel centres.

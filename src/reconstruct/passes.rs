@@ -55,6 +55,9 @@ pub use list::list_bytes;
 
 const UPLOAD_BYTES: u64 = 16 << 20;
 
+/// Bytes of a target up to which pixels are divided into fragments of one draw.
+const MOST_TARGET_BYTES: u64 = 1 << 30;
+
 /// Bytes of the staging buffer: as many as `fixed`, what never changes, unless leaves are uploaded frame by frame.
 pub fn staging_bytes(leaves: bool, fixed: u64) -> u64 {
     let needed = fixed + size_of::<FrameBlock>() as u64;
@@ -116,7 +119,10 @@ pub struct Painter {
 }
 
 struct Target {
+    /// As often halved as the block that it was made for says.
     color: Image,
+    /// Means over the fragments of each pixel, where there are several.
+    mean: Option<Image>,
     multisampled: Option<Image>,
     depth: Image,
     staging: ReadbackBuffer,
@@ -241,7 +247,7 @@ impl Painter {
         leaves: Option<&Drawn>,
         passes: &[ColorPass],
     ) -> Result<Vec<Drawing>> {
-        self.make_target(block.width, block.height)?;
+        self.make_target(block)?;
         let draws = leaves.map_or(Vec::new(), leaf_draws);
         let mut drawings = Vec::new();
         for draw in &draws {
@@ -343,6 +349,9 @@ impl Painter {
                 });
             });
         }
+        if let Some(mean) = &target.mean {
+            recording.shrink(&target.color, mean);
+        }
         recording.submit_and_wait()?;
         for timing in self.commands.timings()? {
             if let Some(drawing) = drawings.iter_mut().find(|drawing| drawing.name == timing.name) {
@@ -370,11 +379,11 @@ impl Painter {
         let Some(target) = target else {
             return Ok(FloatImage { width: 0, height: 0, pixels: Vec::new() });
         };
-        let (width, height) = (target.color.width(), target.color.height());
+        let picture = target.picture().clone();
         let mut recording = commands.begin()?;
-        recording.read_image(&target.color, &mut target.staging);
+        recording.read_image(&picture, &mut target.staging);
         recording.submit_and_wait()?;
-        readback::linear(&mut target.staging, width, height)
+        readback::linear(&mut target.staging, picture.width(), picture.height())
     }
 
     /// Starts to copy the finished image to the host; `None` if nothing was drawn yet.
@@ -388,27 +397,50 @@ impl Painter {
             Some(ring) => ring,
             slot => slot.insert(PictureRing::new(gpu)?),
         };
-        ring.start(&target.color).map(Some)
+        ring.start(target.picture()).map(Some)
     }
 
-    fn make_target(&mut self, width: u32, height: u32) -> Result<()> {
-        if self.target.as_ref().is_some_and(|t| (t.color.width(), t.color.height()) == (width, height)) {
+    /// Whether the device has room for the fragments of `block`, and they are not so many that they had better be drawn
+    /// in turns.
+    pub fn holds(&self, block: &FrameBlock) -> bool {
+        let (across, down) = (block.width << block.halvings, block.height << block.halvings);
+        [("color", Format::Rgba16f), ("depth", self.depth_format())].into_iter().all(|(name, format)| {
+            let desc = ImageDesc::target(name, format, across, down).with_samples(self.options.samples);
+            desc.bytes() <= MOST_TARGET_BYTES && Image::is_supported(&self.gpu, &desc)
+        })
+    }
+
+    fn make_target(&mut self, block: &FrameBlock) -> Result<()> {
+        let &FrameBlock { width, height, halvings, .. } = block;
+        let (across, down) = (width << halvings, height << halvings);
+        let size = |image: &Image| (image.width(), image.height());
+        if self.target.as_ref().is_some_and(|target| {
+            size(&target.color) == (across, down) && size(target.picture()) == (width, height)
+        }) {
             return Ok(());
         }
         self.target = None;
         self.fresh_base = None;
         let samples = self.options.samples;
         let gpu = &self.gpu;
-        let color = Image::new(gpu, &ImageDesc::target("color", Format::Rgba16f, width, height))?;
+        let color = Image::new(gpu, &ImageDesc::target("color", Format::Rgba16f, across, down))?;
+        let mean = (halvings > 0)
+            .then(|| {
+                let desc = ImageDesc::texture("mean color", Format::Rgba16f, (width, height), 1, false);
+                Image::new(gpu, &desc)
+            })
+            .transpose()?;
         let multisampled = (samples > 1)
             .then(|| {
-                let desc = ImageDesc::target("multisampled color", Format::Rgba16f, width, height);
+                let desc = ImageDesc::target("multisampled color", Format::Rgba16f, across, down);
                 Image::new(gpu, &desc.with_samples(samples))
             })
             .transpose()?;
-        let depth = ImageDesc::target("depth", self.depth_format(), width, height).with_samples(samples);
-        let staging = ReadbackBuffer::new(gpu, "image staging", color.bytes(), ReadbackChoice::Best)?;
-        self.target = Some(Target { color, multisampled, depth: Image::new(gpu, &depth)?, staging });
+        let depth = ImageDesc::target("depth", self.depth_format(), across, down).with_samples(samples);
+        let depth = Image::new(gpu, &depth)?;
+        let bytes = mean.as_ref().unwrap_or(&color).bytes();
+        let staging = ReadbackBuffer::new(gpu, "image staging", bytes, ReadbackChoice::Best)?;
+        self.target = Some(Target { color, mean, multisampled, depth, staging });
         Ok(())
     }
 
@@ -538,6 +570,11 @@ fn record_base(
 }
 
 impl Target {
+    /// What is read: a texel for each pixel.
+    fn picture(&self) -> &Image {
+        self.mean.as_ref().unwrap_or(&self.color)
+    }
+
     fn render<'a>(
         &self,
         recording: &mut crate::gpu::Recording<'a>,

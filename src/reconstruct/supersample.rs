@@ -1,4 +1,7 @@
-//! Supersampling: the same leaves drawn again for every sub-sample of a pixel, no ray added (design §5).
+//! Supersampling: the same leaves shaded for every sub-sample of a pixel, no ray added (design §5).
+//!
+//! Four are shaded in one draw of twice the width and height, whose means the device takes: vertices are looked at
+//! once, and triangles are large. More are several such draws, each moved by a part of a pixel.
 
 use rayon::prelude::*;
 
@@ -10,7 +13,7 @@ use crate::report::FloatImage;
 
 /// Draws a frame with `shaded` samples a pixel, on the regular grid that the reference tracer uses too.
 ///
-/// Returns what was recorded and, for more than one sample, the mean image; a single one stays with the
+/// Returns what was recorded and, of several draws, the mean image; that of a single one stays with the
 /// painter.
 ///
 /// # Errors
@@ -22,13 +25,16 @@ pub fn draw(
     passes: &[ColorPass],
     shaded: u32,
 ) -> Result<(Vec<Drawing>, Option<FloatImage>)> {
-    if shaded <= 1 {
-        return Ok((painter.draw(block, leaves, passes)?, None));
-    }
+    let finer = block.halved();
+    let block = if shaded.is_multiple_of(4) && painter.holds(&finer) { finer } else { *block };
     let mut drawings: Vec<Drawing> = Vec::new();
     let mut sum: Option<FloatImage> = None;
-    for (x, y) in grid(shaded) {
+    let moves = moves(shaded, block.halvings);
+    for &(x, y) in &moves {
         let drawn = painter.draw(&block.jittered(-x, -y), leaves, passes)?;
+        if let [_] = moves[..] {
+            return Ok((drawn, None));
+        }
         for (index, drawing) in drawn.into_iter().enumerate() {
             match drawings.get_mut(index) {
                 Some(total) => total.ms += drawing.ms,
@@ -46,15 +52,42 @@ pub fn draw(
         }
     }
     if let Some(sum) = &mut sum {
-        let scale = 1.0 / shaded as f32;
+        let scale = 1.0 / moves.len() as f32;
         sum.pixels.par_iter_mut().flatten().for_each(|value| *value *= scale);
     }
     Ok((drawings, sum))
 }
 
-/// Offsets of a square number of samples from the pixel's centre, in pixels.
-fn grid(samples: u32) -> impl Iterator<Item = (f32, f32)> {
-    let side = samples.isqrt();
-    let offset = move |i: u32| (i as f32 + 0.5) / side as f32 - 0.5;
-    (0..side * side).map(move |i| (offset(i % side), offset(i / side)))
+/// By how much draws of `1 << halvings` fragments along a pixel's side are moved, in pixels, so that together their
+/// fragments are the regular grid of `samples`, a square number.
+fn moves(samples: u32, halvings: u32) -> Vec<(f32, f32)> {
+    let side = samples.isqrt() >> halvings;
+    let fragment = 1.0 / (1 << halvings) as f32;
+    let offset = move |i: u32| ((i as f32 + 0.5) / side as f32 - 0.5) * fragment;
+    (0..side * side).map(move |i| (offset(i % side), offset(i / side))).collect()
+}
+
+#[cfg(test)]
+mod tests {
+    use glam::Vec2;
+
+    use super::*;
+    use crate::trace::reference::sample_pattern;
+
+    #[test]
+    fn draws_of_any_fineness_shade_the_grid_of_the_reference() {
+        for (samples, halvings) in [(1, 0), (4, 0), (4, 1), (16, 0), (16, 1)] {
+            let across = 1 << halvings;
+            let fragment = |i: u32| (i as f32 + 0.5) / across as f32;
+            let mut shaded: Vec<Vec2> = moves(samples, halvings)
+                .into_iter()
+                .flat_map(|(x, y)| {
+                    (0..across * across)
+                        .map(move |i| Vec2::new(fragment(i % across) + x, fragment(i / across) + y))
+                })
+                .collect();
+            shaded.sort_by(|a, b| a.y.total_cmp(&b.y).then(a.x.total_cmp(&b.x)));
+            assert_eq!(shaded, sample_pattern(samples), "{samples} samples, {halvings} halvings");
+        }
+    }
 }

@@ -21,7 +21,7 @@ impl Painter {
     /// # Errors
     /// No device memory left; a lost device.
     pub fn draw_base(&mut self, block: &FrameBlock) -> Result<CodedImage<'_>> {
-        self.make_target(block.width, block.height)?;
+        self.make_target(block)?;
         let opaque: Vec<_> = self.base_draws.iter().filter(|draw| !draw.blended).cloned().collect();
         let keys: Vec<_> = opaque.iter().map(|draw| self.base_key(draw)).collect();
         for (draw, &key) in opaque.iter().zip(&keys) {
