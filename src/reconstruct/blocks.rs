@@ -4,7 +4,7 @@ use std::ops::Range;
 
 use glam::Vec3;
 use half::f16;
-use rayon::prelude::*;
+use rustc_hash::FxHashMap;
 
 use super::table::Texel;
 use crate::constants::MAX_RADIANCE;
@@ -17,151 +17,147 @@ use crate::scene::View;
 /// No traced pixel.
 const NONE: u32 = u32::MAX;
 
-/// The pixels around a pixel, the nearest first; of equally near ones, row by row.
-const AROUND: [(i32, i32); 8] = [(0, -1), (-1, 0), (1, 0), (0, 1), (-1, -1), (1, -1), (-1, 1), (1, 1)];
-
-/// Blocks of some leaves, one after the other.
-#[derive(Debug, Default)]
-pub struct Blocks {
-    texels: Vec<Texel>,
-    /// Leaves that have one, ascending, and where theirs begins.
-    starts: Vec<(u32, u32)>,
-}
-
-impl Blocks {
-    /// The block of leaf `face`: the rectangle's corner and size, then its pixels as halves, two a texel. `None` for a leaf
-    /// that is not traced, or near which no traced pixel is.
-    pub fn get(&self, face: u32) -> Option<&[Texel]> {
-        let index = self.starts.binary_search_by_key(&face, |&(face, _)| face).ok()?;
-        let end = self.starts.get(index + 1).map_or(self.texels.len(), |&(_, start)| start as usize);
-        Some(&self.texels[self.starts[index].1 as usize..end])
-    }
-
-    /// Those of the traced leaves `faces`, in ascending order, whose pixels are `traced`.
-    ///
-    /// Where a leaf reaches into a pixel whose centre it does not cover, sub-samples find a colour too: that of
-    /// the nearest traced pixel, of this leaf if it has any. A pixel of a neighbour on the same face of the scene serves
-    /// for itself: where its centre lies on their edge, the device may give it to either.
-    pub fn new(view: &View, mesh: &Mesh, traced: &[TracedPixel], faces: &[u32]) -> Self {
-        if faces.is_empty() {
-            return Self::default();
-        }
-        let mut by_pixel = vec![NONE; view.width as usize * view.height as usize];
-        for (pixel, number) in traced.iter().zip(0..) {
-            by_pixel[pixel.index as usize] = number;
-        }
-        let near = Near { view, mesh, traced, by_pixel };
-        let chunks: Vec<Self> = faces
-            .par_chunks(64)
-            .map(|faces| {
-                let mut blocks = Self::default();
-                for &face in faces {
-                    let start = blocks.texels.len();
-                    match near.append(face, &mut blocks.texels) {
-                        Some(()) => blocks.starts.push((face, start as u32)),
-                        None => blocks.texels.truncate(start),
-                    }
-                }
-                blocks
-            })
-            .collect();
-        let mut all = Self::default();
-        all.texels.reserve(chunks.iter().map(|chunk| chunk.texels.len()).sum());
-        for Self { texels, starts } in chunks {
-            let offset = all.texels.len() as u32;
-            all.starts.extend(starts.iter().map(|&(face, start)| (face, start + offset)));
-            all.texels.extend(texels);
-        }
-        all
-    }
-}
-
-/// Traced pixels and where they are.
-struct Near<'a> {
+/// Traced pixels, and where they are.
+pub struct Blocks<'a> {
     view: &'a View,
     mesh: &'a Mesh,
     traced: &'a [TracedPixel],
+    /// The rectangle around them: columns, then rows.
+    around: [Range<u32>; 2],
+    /// By pixel of it: place in `traced`, or [`NONE`].
     by_pixel: Vec<u32>,
+    /// Where in `traced` the pixels of each leaf are.
+    by_face: FxHashMap<u32, Range<usize>>,
 }
 
-impl Near<'_> {
-    /// Appends the block of `face`; `None` if some pixel of it finds no colour.
-    fn append(&self, face: u32, texels: &mut Vec<Texel>) -> Option<()> {
-        let footprint = Footprint::new(self.mesh, self.view, face);
-        let (columns, rows) = (&footprint.columns, &footprint.rows);
-        if footprint.is_empty() {
-            return None;
+/// The pixels around a pixel, the nearest first; of equally near ones, row by row.
+const AROUND: [(i32, i32); 8] = [(0, -1), (-1, 0), (1, 0), (0, 1), (-1, -1), (1, -1), (-1, 1), (1, 1)];
+
+/// A leaf that is traced.
+struct Leaf<'a> {
+    face: u32,
+    /// The scene's face that it is part of.
+    base: u32,
+    footprint: Footprint,
+    /// Its traced pixels.
+    own: &'a [TracedPixel],
+}
+
+impl<'a> Blocks<'a> {
+    /// Blocks of leaves of `mesh` whose pixels are `traced`, those of one leaf together.
+    pub fn new(view: &'a View, mesh: &'a Mesh, traced: &'a [TracedPixel]) -> Self {
+        let around = around(view, traced.iter().map(|pixel| pixel.index));
+        let by_pixel = vec![NONE; around[0].len() * around[1].len()];
+        let mut by_face = FxHashMap::default();
+        let mut start = 0;
+        for pixels in traced.chunk_by(|a, b| a.face == b.face) {
+            by_face.insert(pixels[0].face, start..start + pixels.len());
+            start += pixels.len();
         }
+        let mut blocks = Self { view, mesh, traced, around, by_pixel, by_face };
+        for (pixel, number) in traced.iter().zip(0..) {
+            let (x, y) = (pixel.index % view.width, pixel.index / view.width);
+            let cell = blocks.cell(x, y).expect("the rectangle is around all");
+            blocks.by_pixel[cell] = number;
+        }
+        blocks
+    }
+
+    /// Appends the block of leaf `face`: the corner and the size of the rectangle of pixels around it, then these as halves,
+    /// two a texel. `None`, and nothing is appended, if near some pixel of it none is traced.
+    ///
+    /// Where a leaf reaches into a pixel whose centre it does not cover, sub-samples find a colour too: that of
+    /// the nearest traced pixel of this leaf; if it has none, of one beside that pixel, or any near the leaf. A pixel of a
+    /// neighbour on the same face of the scene serves for itself: where its centre lies on their edge, the device may give
+    /// it to either.
+    pub fn append(&self, face: u32, texels: &mut Vec<Texel>) -> Option<()> {
+        let leaf = Leaf {
+            face,
+            base: self.mesh.faces[face as usize].base,
+            footprint: Footprint::new(self.mesh, self.view, face),
+            own: self.by_face.get(&face).map_or(&[], |range| &self.traced[range.clone()]),
+        };
+        let Footprint { columns, rows, .. } = &leaf.footprint;
+        let head = texels.len();
         texels.push([columns.start, rows.start, columns.len() as u32, rows.len() as u32]);
         let start = texels.len();
-        texels.resize(start + footprint.len().div_ceil(2), Texel::default());
-        let cells = || rows.clone().flat_map(|y| columns.clone().map(move |x| (x, y)));
-        let own = cells().any(|(x, y)| self.at(x, y).is_some_and(|pixel| pixel.face == face));
-        let mut found = false;
-        for (row, y) in rows.clone().enumerate() {
-            for x in footprint.span(y, TOUCHED) {
-                let cell = row * columns.len() + (x - columns.start) as usize;
-                let radiance = self.radiance(&footprint, face, own, x, y)?;
-                put(&mut texels[start..], cell, radiance);
-                found = true;
-            }
+        texels.resize(start + leaf.footprint.len().div_ceil(2), Texel::default());
+        let mut touched = (0..).zip(rows.clone()).flat_map(|(row, y)| {
+            let cell = move |x| (row * columns.len() + (x - columns.start) as usize, x, y);
+            leaf.footprint.span(y, TOUCHED).map(cell)
+        });
+        let filled = touched.try_fold(0, |filled, (cell, x, y)| {
+            put(&mut texels[start..], cell, self.shown(&leaf, x, y)?.radiance);
+            Some(filled + 1)
+        });
+        if filled.is_none_or(|filled| filled == 0) {
+            texels.truncate(head);
+            return None;
         }
-        found.then_some(())
+        Some(())
+    }
+
+    /// Place of a pixel in the rectangle.
+    fn cell(&self, x: u32, y: u32) -> Option<usize> {
+        let [columns, rows] = &self.around;
+        let within = columns.contains(&x) && rows.contains(&y);
+        within.then(|| (y - rows.start) as usize * columns.len() + (x - columns.start) as usize)
     }
 
     fn at(&self, x: u32, y: u32) -> Option<&TracedPixel> {
-        let index = y as usize * self.view.width as usize + x as usize;
-        self.traced.get(self.by_pixel[index] as usize)
+        self.traced.get(self.by_pixel[self.cell(x, y)?] as usize)
     }
 
-    /// What leaf `face` shows at a pixel; `own` says whether it has a traced pixel.
-    fn radiance(&self, footprint: &Footprint, face: u32, own: bool, x: u32, y: u32) -> Option<Vec3> {
-        let base_of = |face: u32| self.mesh.faces[face as usize].base;
-        let here = self.at(x, y);
-        if let Some(pixel) = here.filter(|pixel| pixel.face == face || base_of(pixel.face) == base_of(face)) {
-            return Some(pixel.radiance);
+    /// The traced pixel that `leaf` shows at a pixel.
+    fn shown(&self, leaf: &Leaf<'a>, x: u32, y: u32) -> Option<&TracedPixel> {
+        let is_usable = |pixel: &&TracedPixel| leaf.own.is_empty() || pixel.face == leaf.face;
+        if let Some(pixel) = self.at(x, y)
+            && (pixel.base == leaf.base || is_usable(&pixel))
+        {
+            return Some(pixel);
         }
-        let is_usable = |pixel: &&TracedPixel| !own || pixel.face == face;
-        if let Some(pixel) = here.filter(is_usable) {
-            return Some(pixel.radiance);
-        }
-        let (columns, rows) = (&footprint.columns, &footprint.rows);
+        let Footprint { columns, rows, .. } = &leaf.footprint;
         let beside = AROUND.iter().find_map(|&(dx, dy)| {
             let (x, y) = (x.wrapping_add_signed(dx), y.wrapping_add_signed(dy));
             let within = columns.contains(&x) && rows.contains(&y);
             within.then(|| self.at(x, y)).flatten().filter(is_usable)
         });
-        let nearest = || {
-            let cells = rows.clone().flat_map(|y| columns.clone().map(move |x| (x, y)));
-            let usable = cells.filter_map(|(u, v)| Some((u, v, self.at(u, v).filter(is_usable)?)));
-            let nearest = usable.min_by_key(|(u, v, _)| u.abs_diff(x).pow(2) + v.abs_diff(y).pow(2));
-            nearest.map(|(.., pixel)| pixel)
+        let far = |pixel: &&TracedPixel| {
+            let (u, v) = (pixel.index % self.view.width, pixel.index / self.view.width);
+            u.abs_diff(x).pow(2) + v.abs_diff(y).pow(2)
         };
-        beside.or_else(nearest).map(|pixel| pixel.radiance)
+        let nearest = || leaf.own.iter().min_by_key(far);
+        // Of a leaf without a pixel next to nothing shows.
+        let any = || rows.clone().find_map(|y| columns.clone().find_map(|x| self.at(x, y)));
+        beside.or_else(nearest).or_else(any)
     }
 }
 
 /// One block over the rectangle around `pixels`, and that rectangle: columns, then rows. What it does not hold of it
 /// is not drawn.
 pub fn picture(view: &View, pixels: &[DirectPixel]) -> Option<([Range<u32>; 2], Vec<Texel>)> {
-    let at = |pixel: &DirectPixel| [pixel.index % view.width, pixel.index / view.width];
-    let (mut low, mut high) = ([u32::MAX; 2], [0; 2]);
-    for pixel in pixels {
-        let at = at(pixel);
-        (low, high) = ([0, 1].map(|i| low[i].min(at[i])), [0, 1].map(|i| high[i].max(at[i] + 1)));
-    }
-    let [columns, rows] = [0, 1].map(|i| low[i]..high[i]);
+    let [columns, rows] = around(view, pixels.iter().map(|pixel| pixel.index));
     if columns.is_empty() {
         return None;
     }
     let mut texels = vec![Texel::default(); 1 + (columns.len() * rows.len()).div_ceil(2)];
     texels[0] = [columns.start, rows.start, columns.len() as u32, rows.len() as u32];
     for pixel in pixels {
-        let [x, y] = at(pixel);
+        let (x, y) = (pixel.index % view.width, pixel.index / view.width);
         let cell = (y - rows.start) as usize * columns.len() + (x - columns.start) as usize;
         put(&mut texels[1..], cell, pixel.radiance);
     }
     Some(([columns, rows], texels))
+}
+
+/// The rectangle around pixels: columns, then rows.
+fn around(view: &View, pixels: impl Iterator<Item = u32>) -> [Range<u32>; 2] {
+    let (mut low, mut high) = ([u32::MAX; 2], [0; 2]);
+    for index in pixels {
+        let at = [index % view.width, index / view.width];
+        (low, high) = ([0, 1].map(|i| low[i].min(at[i])), [0, 1].map(|i| high[i].max(at[i] + 1)));
+    }
+    [0, 1].map(|i| low[i]..high[i])
 }
 
 /// Writes a cell of a block.

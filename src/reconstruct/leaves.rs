@@ -13,7 +13,7 @@ use super::table::{Texel, floats};
 use super::vertex::{Attributes, VertexLayout};
 use crate::constants::*;
 use crate::refine::direct::DirectPixel;
-use crate::refine::mesh::{Mesh, Vertex};
+use crate::refine::mesh::{Face, Mesh, Vertex};
 use crate::refine::per_pixel::TracedPixel;
 use crate::refine::samples::Samples;
 use crate::scene::frustum::{Frustum, Overlap};
@@ -136,7 +136,6 @@ pub fn assemble(
     traced: &Traced,
 ) -> Leaves {
     let &Traced { pixels, faces: pixel_faces, direct, depth } = traced;
-    let scene = matcher.scene;
     let picture = blocks::picture(view, direct);
     let corners = picture.as_ref().map_or([Vec3::ZERO; 4], |([columns, rows], _)| {
         let corner = |x: u32, y: u32| view.at_depth(Vec2::new(x as f32, y as f32), depth);
@@ -158,79 +157,38 @@ pub fn assemble(
     for &face in pixel_faces {
         is_traced[face as usize] = true;
     }
-    let borders = Borders::find(matcher.targets, mesh, samples, &faces);
-    let frustum = Frustum::new(&view.clip_from_eye_relative(), view.eye);
-    let built: Vec<(GpuLeaf, LeafNodes, bool)> = faces
-        .par_iter()
-        .with_min_len(64)
-        .map(|&face| {
-            let corners = mesh.faces[face as usize].corners;
-            let object = scene.geometry.face_objects[mesh.faces[face as usize].base as usize];
-            let object = &scene.objects[object as usize];
-            let lit = (0..3).fold(0, |lit, i| lit | (samples.get(corners[i]).primary.lit & 0xff) << (8 * i));
-            let mut leaf = GpuLeaf {
-                vertices: corners,
-                material: matcher.table.material(object.material),
-                lit,
-                first_target: NO_TARGET,
-                ..GpuLeaf::zeroed()
-            };
-            let mut nodes = LeafNodes::default();
-            if object.vt {
-                // What no traced pixel covers of a traced leaf is Gouraud-shaded: no nodes.
-                let room = if is_traced[face as usize] { 0 } else { matcher.room };
-                let seen = corners.map(|v| Corner {
-                    sample: samples.get(v),
-                    distance: (!view.orthographic).then(|| view.distance_to(mesh.position(v))),
-                });
-                nodes = matcher.leaf_beside(seen, room, &borders.around(mesh, face));
-                leaf.flags = nodes.count << LEAF_COUNT_SHIFT;
-                if let Some((target, lit)) = nodes.first {
-                    (leaf.first_target, leaf.first_lit) = (target, lit);
-                }
+    let stage = Stage {
+        matcher,
+        view,
+        mesh,
+        samples,
+        borders: Borders::find(matcher.targets, mesh, samples, &faces),
+        frustum: Frustum::new(&view.clip_from_eye_relative(), view.eye),
+        blocks: Blocks::new(view, mesh, pixels),
+    };
+    let pieces: Vec<Piece> = faces
+        .par_chunks(CHUNK)
+        .map(|faces| {
+            let mut piece = Piece::default();
+            for &face in faces {
+                stage.append(face, is_traced[face as usize], &mut piece);
             }
-            if is_traced[face as usize] {
-                leaf.flags |= LEAF_TRACED;
-            }
-            let cut = frustum.of_points(corners.map(|v| mesh.position(v))) != Overlap::Inside;
-            (leaf, nodes, cut)
+            piece
         })
         .collect();
 
-    let mut result = Leaves { vertices, ..Leaves::default() };
-    let traced_leaves: Vec<u32> = faces.iter().copied().filter(|&face| is_traced[face as usize]).collect();
-    let blocks = Blocks::new(view, mesh, pixels, &traced_leaves);
+    let mut result = Leaves { vertices, nodes: joined(&pieces), ..Leaves::default() };
     let mut groups: BTreeMap<Group, Vec<GpuLeaf>> = BTreeMap::new();
-    for (&face, (mut leaf, nodes, cut)) in faces.iter().zip(built) {
-        let base = mesh.faces[face as usize].base;
-        let object = &scene.objects[scene.geometry.face_objects[base as usize] as usize];
-        let block = blocks.get(face);
-        if block.is_none() {
-            leaf.flags &= !LEAF_TRACED;
+    let mut first = 0;
+    for piece in pieces {
+        for (group, leaf) in piece.leaves {
+            groups.entry(group).or_default().push(GpuLeaf { nodes: leaf.nodes + first, ..leaf });
         }
-        leaf.nodes = result.nodes.len() as u32;
-        // Holes are cut by shading, whatever was traced.
-        let masked = matches!(scene.materials[object.material as usize].alpha_mode, AlphaMode::Mask(_));
-        let group = if block.is_some() && !masked {
-            Group::traced(cut)
-        } else {
-            let shows = |branch: usize| nodes.comb.iter().any(|corner| corner[branch] != Vec3::ZERO);
-            let combined = [shows(0), shows(1)];
-            if combined[0] || combined[1] {
-                leaf.flags |= LEAF_COMBINED;
-                result.combined = [0, 1].map(|branch| result.combined[branch] || combined[branch]);
-                result.nodes.extend(nodes.comb.iter().flatten().map(|comb| floats(comb.extend(0.0))));
-            }
-            let own = matcher.base_textures[object.material as usize];
-            Group::of(object.vt, own, &nodes, cut)
-        };
-        result.nodes.extend_from_slice(block.unwrap_or(&nodes.texels));
-        groups.entry(group).or_default().push(leaf);
-        if object.vt {
-            result.defined += u32::from(nodes.defined);
-            result.undefined += u32::from(!nodes.defined);
-            result.overflow += u64::from(nodes.overflow);
-        }
+        first += piece.texels.len() as u32;
+        result.defined += piece.defined;
+        result.undefined += piece.undefined;
+        result.overflow += piece.overflow;
+        result.combined = [0, 1].map(|branch| result.combined[branch] || piece.combined[branch]);
     }
     if let Some((_, texels)) = picture {
         let nodes = result.nodes.len() as u32;
@@ -242,4 +200,103 @@ pub fn assemble(
     result.groups = groups.iter().map(|(&group, leaves)| (group, leaves.len() as u32)).collect();
     result.leaves = groups.into_values().flatten().collect();
     result
+}
+
+/// Leaves that one task assembles.
+const CHUNK: usize = 256;
+
+/// Some leaves, in the order of the mesh; their nodes count from the first of `texels`.
+#[derive(Default)]
+struct Piece {
+    leaves: Vec<(Group, GpuLeaf)>,
+    texels: Vec<Texel>,
+    defined: u32,
+    undefined: u32,
+    overflow: u64,
+    combined: [bool; 2],
+}
+
+/// The texels of all pieces, one after the other.
+fn joined(pieces: &[Piece]) -> Vec<Texel> {
+    let mut all = vec![Texel::zeroed(); pieces.iter().map(|piece| piece.texels.len()).sum()];
+    let mut rest = all.as_mut_slice();
+    let mut parts = Vec::with_capacity(pieces.len());
+    for piece in pieces {
+        let (part, others) = rest.split_at_mut(piece.texels.len());
+        parts.push((part, piece));
+        rest = others;
+    }
+    parts.into_par_iter().for_each(|(part, piece)| part.copy_from_slice(&piece.texels));
+    all
+}
+
+/// What assembling a leaf takes.
+struct Stage<'a> {
+    matcher: &'a Matcher<'a>,
+    view: &'a View,
+    mesh: &'a Mesh,
+    samples: &'a Samples,
+    borders: Borders,
+    frustum: Frustum,
+    blocks: Blocks<'a>,
+}
+
+impl Stage<'_> {
+    fn append(&self, face: u32, is_traced: bool, piece: &mut Piece) {
+        let Self { matcher, view, mesh, samples, .. } = *self;
+        let scene = matcher.scene;
+        let Face { corners, base, .. } = mesh.faces[face as usize];
+        let object = &scene.objects[scene.geometry.face_objects[base as usize] as usize];
+        let mut leaf = GpuLeaf {
+            vertices: corners,
+            material: matcher.table.material(object.material),
+            lit: (0..3).fold(0, |lit, i| lit | (samples.get(corners[i]).primary.lit & 0xff) << (8 * i)),
+            nodes: piece.texels.len() as u32,
+            first_target: NO_TARGET,
+            ..GpuLeaf::zeroed()
+        };
+        let seen = corners.map(|v| Corner {
+            sample: samples.get(v),
+            distance: (!view.orthographic).then(|| view.distance_to(mesh.position(v))),
+        });
+        let cut = self.frustum.of_points(corners.map(|v| mesh.position(v))) != Overlap::Inside;
+        // Holes are cut by shading, whatever was traced.
+        let masked = matches!(scene.materials[object.material as usize].alpha_mode, AlphaMode::Mask(_));
+        let has_block = is_traced && !masked && self.blocks.append(face, &mut piece.texels).is_some();
+        let (group, defined) = if has_block {
+            leaf.flags = LEAF_TRACED;
+            (Group::traced(cut), matcher.is_defined(&seen))
+        } else {
+            let mut nodes = LeafNodes::default();
+            if object.vt {
+                // What no traced pixel covers of a traced leaf is Gouraud-shaded: no nodes.
+                let room = if is_traced { 0 } else { matcher.room };
+                nodes = matcher.leaf_beside(seen, room, &self.borders.around(mesh, face));
+                leaf.flags = nodes.count << LEAF_COUNT_SHIFT;
+                if let Some((target, lit)) = nodes.first {
+                    (leaf.first_target, leaf.first_lit) = (target, lit);
+                }
+            }
+            let shows = |branch: usize| nodes.comb.iter().any(|corner| corner[branch] != Vec3::ZERO);
+            let combined = [shows(0), shows(1)];
+            if combined[0] || combined[1] {
+                leaf.flags |= LEAF_COMBINED;
+                piece.combined = [0, 1].map(|branch| piece.combined[branch] || combined[branch]);
+                piece.texels.extend(nodes.comb.iter().flatten().map(|comb| floats(comb.extend(0.0))));
+            }
+            if is_traced && masked && self.blocks.append(face, &mut piece.texels).is_some() {
+                leaf.flags |= LEAF_TRACED;
+            } else {
+                piece.texels.extend_from_slice(&nodes.texels);
+            }
+            piece.overflow += u64::from(nodes.overflow);
+            let own = matcher.base_textures[object.material as usize];
+            (Group::of(object.vt, own, &nodes, cut), nodes.defined)
+        };
+        piece.leaves.push((group, leaf));
+        if object.vt {
+            piece.defined += u32::from(defined);
+            piece.undefined += u32::from(!defined);
+        }
+    }
 }

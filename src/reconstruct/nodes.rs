@@ -136,24 +136,14 @@ impl Matcher<'_> {
     pub fn leaf_beside(&self, corners: [Corner; 3], room: usize, beside: &[Beside]) -> LeafNodes {
         let mut leaf = LeafNodes::default();
         let mut parts: Vec<Part> = Vec::new();
-        for (index, corner) in corners.iter().enumerate() {
-            for (at, node) in corner.sample.nodes.iter().enumerate() {
-                if corners[..index].iter().any(|earlier| earlier.sample.node_near(node.path, at).is_some()) {
-                    continue; // judged at the first corner that has the path
-                }
-                let found = corners.map(|other| other.sample.node_near(node.path, at));
-                match found {
-                    [Some(a), Some(b), Some(c)] if self.interpolates([a, b, c]) => {
-                        leaf.defined &= [(a, b), (b, c), (c, a)]
-                            .iter()
-                            .all(|(one, other)| one.target != other.target || one.lit == other.lit);
-                        parts.push(Part::new(found, [true; 3]));
-                    }
-                    _ => {
-                        leaf.defined = false;
-                        parts.extend(Part::by_target(found));
-                    }
-                }
+        for found in paths(&corners) {
+            leaf.defined &= self.is_shared(found);
+            if let [Some(a), Some(b), Some(c)] = found
+                && self.interpolates([a, b, c])
+            {
+                parts.push(Part::new(found, [true; 3]));
+            } else {
+                parts.extend(Part::by_target(found));
             }
         }
         parts.sort_by(|a, b| b.weight.total_cmp(&a.weight).then(a.order().cmp(&b.order())));
@@ -168,6 +158,17 @@ impl Matcher<'_> {
             }
         }
         leaf
+    }
+
+    /// Whether a leaf's corners share every path, with equal light visibility: a defined face (paper, Fig. 5).
+    pub fn is_defined(&self, corners: &[Corner; 3]) -> bool {
+        paths(corners).all(|found| self.is_shared(found))
+    }
+
+    fn is_shared(&self, found: [Option<&Node>; 3]) -> bool {
+        let [Some(a), Some(b), Some(c)] = found else { return false };
+        let lit_alike = |(one, other): (&Node, &Node)| one.target != other.target || one.lit == other.lit;
+        self.interpolates([a, b, c]) && [(a, b), (b, c), (c, a)].into_iter().all(lit_alike)
     }
 
     /// Whether a path can be followed per fragment: one target, or planar ones with outlines.
@@ -284,6 +285,17 @@ impl Matcher<'_> {
         leaf.texels.extend(parts.into_iter().flatten().map(floats));
         leaf.count += 1;
     }
+}
+
+/// The paths of a leaf's corners, each once: its node at each of them.
+fn paths<'n>(corners: &[Corner<'n>; 3]) -> impl Iterator<Item = [Option<&'n Node>; 3]> + use<'n> {
+    let samples = corners.map(|corner| corner.sample);
+    (0..3).flat_map(move |index| {
+        let new = samples[index].nodes.iter().enumerate().filter(move |&(at, node)| {
+            samples[..index].iter().all(|earlier| earlier.node_near(node.path, at).is_none())
+        });
+        new.map(move |(at, node)| samples.map(|sample| sample.node_near(node.path, at)))
+    })
 }
 
 /// Lights that are not hidden, a byte a corner.

@@ -27,6 +27,8 @@ pub struct TracedPixel {
     pub index: u32,
     /// The leaf that covers its centre.
     pub face: u32,
+    /// The scene's face that the leaf is part of.
+    pub base: u32,
     /// Linear radiance.
     pub radiance: Vec3,
 }
@@ -49,7 +51,8 @@ pub fn trace(
         store.look_at(context.view);
     }
     let pass = Pass { context, mesh, shown, known: store.as_deref(), pattern: &pattern };
-    let mut faces = faces.to_vec();
+    let mut faces: Vec<u32> =
+        faces.iter().copied().filter(|&face| mesh.faces[face as usize].is_leaf()).collect();
     faces.sort_by_cached_key(|&face| {
         let Footprint { columns, rows, .. } = Footprint::new(mesh, context.view, face);
         (rows.start / TILE, columns.start / TILE, face)
@@ -72,7 +75,7 @@ pub fn trace(
     }
     if let Some(store) = store {
         for pixel in &all {
-            store.insert(pixel.index, mesh.faces[pixel.face as usize].base, pixel.radiance);
+            store.insert(pixel.index, pixel.base, pixel.radiance);
         }
     }
     (all, total)
@@ -125,7 +128,7 @@ impl Pass<'_> {
                 };
                 let seen = kept.or_else(|| if pattern.len() > 1 { several() } else { None });
                 let radiance = seen.or_else(|| self.radiance(base, centre, chunk));
-                chunk.pixels.extend(radiance.map(|radiance| TracedPixel { index, face, radiance }));
+                chunk.pixels.extend(radiance.map(|radiance| TracedPixel { index, face, base, radiance }));
             }
         }
     }
