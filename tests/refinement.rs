@@ -53,6 +53,45 @@ proptest! {
     }
 }
 
+proptest! {
+    #![proptest_config(ProptestConfig::with_cases(24))]
+
+    /// Whatever is united, the mesh stays conforming, and what was not chosen stays as it was.
+    #[test]
+    fn uniting_conforms(
+        demo in 0..Demo::ALL.len(),
+        picks in prop::collection::vec(any::<u32>(), 1..200),
+        spared in prop::collection::vec(any::<u32>(), 0..8),
+    ) {
+        let scene = Demo::ALL[demo].scene();
+        let tracer = Tracer::new(&scene);
+        let view = view(&scene);
+        let topology = Topology::new(&scene.geometry);
+        let mut mesh = Mesh::new(&scene, &topology, &view, &seeds(&ids(&tracer, &view)));
+        let unrefined = mesh.faces.len();
+        for pick in picks {
+            mesh.bisect(pick % mesh.faces.len() as u32, &mut Vec::new());
+        }
+        let leaves: Vec<u32> = mesh.leaves().collect();
+        let spared: Vec<u32> = spared.iter().map(|pick| leaves[*pick as usize % leaves.len()]).collect();
+        let mut chosen = vec![false; mesh.faces.len()];
+        leaves.iter().for_each(|&face| chosen[face as usize] = !spared.contains(&face));
+        mesh.unite(&mut chosen, f32::INFINITY);
+        mesh.validate();
+        for face in 0..mesh.faces.len() as u32 {
+            let is_leaf = mesh.faces[face as usize].is_leaf();
+            prop_assert_eq!(is_leaf, chosen[face as usize] || spared.contains(&face));
+        }
+        if spared.is_empty() {
+            prop_assert_eq!(mesh.leaves().count(), unrefined);
+        }
+        for face in mesh.leaves().collect::<Vec<_>>() {
+            mesh.bisect(face, &mut Vec::new());
+        }
+        mesh.validate();
+    }
+}
+
 #[test]
 fn every_point_of_a_face_has_its_leaf() {
     let scene = Demo::Cup.scene();

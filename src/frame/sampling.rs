@@ -138,6 +138,7 @@ impl Job<'_> {
         };
         observe(&refiner)?;
         let stopped_by = refiner.run(&options.effort, self.started, observe)?;
+        refiner.unite_traced();
         let ended = Instant::now();
         let (predicted, predicted_rmse) = refiner.predicted();
         let refined = ms(time);
@@ -216,7 +217,7 @@ impl Job<'_> {
             Reconstruction::Paper => paper::branches(scene, targets, samples).defined,
             Reconstruction::Exact => {
                 let corners = samples.map(|sample| Corner { sample, distance: None });
-                self.matcher.leaf(corners, self.matcher.room).defined
+                self.matcher.is_defined(&corners)
             }
         };
         if defined { LeafKind::Defined } else { LeafKind::Undefined }

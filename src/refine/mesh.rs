@@ -3,15 +3,20 @@
 //! Edges are matched by position, so that a texture or normal seam never cracks: one midpoint per
 //! geometric edge, one attribute vertex per side of a seam. Faces around an edge form a cycle of sides,
 //! which also holds at non-manifold edges. Nothing is ever deleted: a split face keeps its two children,
-//! and the tree finds the leaf under a pixel.
+//! and the tree finds the leaf under a pixel. Where halves are [united](Mesh::unite) again they stay behind, part of no leaf.
 
 use glam::{Vec2, Vec3, Vec4};
 use rustc_hash::FxHashMap;
 
 use crate::scene::{Scene, View, topology::Topology};
 
+mod unite;
+
 /// No face, vertex or side.
 pub const NONE: u32 = u32::MAX;
+
+/// In place of the halves of a face that is itself part of a whole again.
+const UNITED: u32 = u32::MAX - 1;
 
 /// Shortest edge that is bisected, in roundings of its ends' largest coordinate.
 const SHORTEST_EDGE: f32 = 8.0;
@@ -65,8 +70,8 @@ pub struct Face {
     pub base: u32,
     /// Number of bisections that made it.
     pub level: u8,
-    /// The two halves, or [`NONE`] for a leaf. The first holds corner `split` of this face.
-    pub children: [u32; 2],
+    /// The two halves, or [`NONE`] for a leaf, or [`UNITED`]. The first holds corner `split` of this face.
+    children: [u32; 2],
     /// Which edge was bisected.
     split: u8,
 }
@@ -75,6 +80,15 @@ impl Face {
     /// Whether it was not bisected.
     pub fn is_leaf(&self) -> bool {
         self.children[0] == NONE
+    }
+
+    /// Its two halves, if it has any.
+    pub fn halves(&self) -> Option<[u32; 2]> {
+        self.is_bisected().then_some(self.children)
+    }
+
+    fn is_bisected(&self) -> bool {
+        self.children[0] < UNITED
     }
 }
 
@@ -408,12 +422,14 @@ impl Mesh {
     }
 
     /// Checks what every consumer relies on: sides around an edge agree on its points, leaves meet leaves
-    /// along whole edges (no hanging node), every vertex is used, halves fill their face.
+    /// along whole edges (no hanging node), every vertex is or was used, halves fill their face.
     ///
     /// # Panics
     /// If the mesh is broken.
     pub fn validate(&self) {
         let mut used = vec![false; self.vertices.len()];
+        let united = self.faces.iter().filter(|face| face.children[0] == UNITED);
+        united.flat_map(|face| face.corners).for_each(|corner| used[corner as usize] = true);
         for face in self.leaves() {
             for edge in 0..3 {
                 let own = side(face, edge);
@@ -429,8 +445,8 @@ impl Mesh {
                 used[corner as usize] = true;
             }
         }
-        assert!(used.iter().all(|&used| used), "a vertex belongs to no leaf");
-        for face in self.faces.iter().filter(|face| !face.is_leaf()) {
+        assert!(used.iter().all(|&used| used), "a vertex belongs to no face");
+        for face in self.faces.iter().filter(|face| face.is_bisected()) {
             let area = |corners: [u32; 3]| {
                 let [a, b, c] = corners.map(|v| self.position(v).as_dvec3());
                 (b - a).cross(c - a).length()

@@ -50,6 +50,9 @@ const MAPPED_STOP_SIZE: f32 = 24.0;
 /// The same for the paper's reconstruction, which traces no pixels and has nothing but samples: about a pixel.
 pub const PAPER_STOP_SIZE: f32 = 1.5;
 
+/// Longest edge, in pixels, of what traced halves are united to: of more than a few, tasks that trace them would differ much.
+const UNITED_SIZE: f32 = 32.0;
+
 /// Share of the leaves that one step bisects or has traced.
 const BATCH_SHARE: usize = 8;
 const BATCH_MIN: usize = 64;
@@ -86,7 +89,7 @@ pub struct Refiner<'a> {
     pub mesh: Mesh,
     /// The samples of all its vertices.
     pub samples: Samples,
-    /// Faces whose pixels are traced, in the order in which they left the queue.
+    /// Faces whose pixels are traced, and those of them that were bisected for their neighbours' sake.
     pub pixel_faces: Vec<u32>,
     /// Steps taken.
     pub steps: u32,
@@ -328,14 +331,15 @@ impl<'a> Refiner<'a> {
             splits.par_iter().with_min_len(32).map(|split| self.surprise(split)).collect();
         let mut inherited = rustc_hash::FxHashMap::default();
         for (split, edge) in splits.iter().zip(edges) {
-            for child in self.mesh.faces[split.face as usize].children {
+            for child in self.mesh.faces[split.face as usize].halves().into_iter().flatten() {
                 let clear = self.state[split.face as usize].clear;
                 inherited.insert(child, Inherited { deviation: edge.scaled(INHERITED), clear });
             }
         }
         let faces: Vec<u32> = splits
             .iter()
-            .flat_map(|split| self.mesh.faces[split.face as usize].children)
+            .filter_map(|split| self.mesh.faces[split.face as usize].halves())
+            .flatten()
             .filter(|&face| self.mesh.faces[face as usize].is_leaf())
             .collect();
         self.judge(&faces, |face| inherited.get(&face).copied().unwrap_or_default());
@@ -374,11 +378,22 @@ impl<'a> Refiner<'a> {
         self.pixel_faces.push(face);
     }
 
+    /// Unites what was bisected and is traced after all: a picture of many pixels is drawn as one face. Refinement is over.
+    pub fn unite_traced(&mut self) {
+        let mut traced: Vec<bool> = self.state.iter().map(|state| state.traced).collect();
+        self.mesh.unite(&mut traced, UNITED_SIZE);
+        self.pixel_faces = self.mesh.leaves().filter(|&face| traced[face as usize]).collect();
+        for &face in &self.pixel_faces {
+            self.state[face as usize].traced = true;
+            self.state[face as usize].deviation = Deviation::default();
+        }
+    }
+
     /// Where a traced face was bisected for its neighbour's sake, its halves are traced in its place.
     fn hand_down(&mut self, face: u32) {
         let parent = self.state[face as usize];
         if parent.traced {
-            for child in self.mesh.faces[face as usize].children {
+            for child in self.mesh.faces[face as usize].halves().into_iter().flatten() {
                 self.state[child as usize] = State { pixels: parent.pixels * 0.5, ..parent };
                 self.pixel_faces.push(child);
             }

@@ -1,0 +1,56 @@
+//! Taking bisections back: halves that are drawn as one picture need not be drawn apart.
+
+use super::{Mesh, NONE, UNITED, side};
+
+impl Mesh {
+    /// Takes bisections back, the last first, wherever all halves are leaves that `chosen` marks by face and what they
+    /// are halves of is at most `most` pixels long; that is then marked in their place. The mesh stays conforming:
+    /// a vertex goes once nothing around it needs it.
+    pub fn unite(&mut self, chosen: &mut [bool], most: f32) {
+        let mut parent = vec![NONE; self.faces.len()];
+        for (index, face) in self.faces.iter().enumerate().filter(|(_, face)| face.is_bisected()) {
+            for half in face.children {
+                parent[half as usize] = index as u32;
+            }
+        }
+        // Halves come in pairs, and those of one edge together.
+        let mut end = self.faces.len();
+        while end > self.roots.len() {
+            let middle = self.middle(end - 1);
+            let pairs = (self.roots.len()..end).step_by(2).rev();
+            let pairs = pairs.take_while(|&left| self.middle(left) == middle).count();
+            let start = end - 2 * pairs;
+            let wholes: Vec<u32> = (start..end).step_by(2).map(|left| parent[left]).collect();
+            let are_chosen = (start..end).all(|half| self.faces[half].is_leaf() && chosen[half]);
+            if are_chosen && wholes.iter().all(|&whole| self.size(whole) <= most) {
+                self.take_back(&wholes);
+                wholes.iter().for_each(|&whole| chosen[whole as usize] = true);
+                chosen[start..end].fill(false);
+            }
+            end = start;
+        }
+    }
+
+    /// The point between the ends of the bisected edge that made half `half`.
+    fn middle(&self, half: usize) -> u32 {
+        self.vertices[self.faces[half].corners[2] as usize].point
+    }
+
+    /// Makes leaves of all faces `wholes` around a bisected edge again.
+    fn take_back(&mut self, wholes: &[u32]) {
+        for &whole in wholes {
+            let face = self.faces[whole as usize];
+            let [left, right] = face.children;
+            let split = usize::from(face.split);
+            self.replace(side(left, 0), side(whole, (split + 2) % 3));
+            self.replace(side(right, 0), side(whole, (split + 1) % 3));
+            self.faces[whole as usize].children = [NONE; 2];
+            for half in [left, right] {
+                self.faces[half as usize].children = [UNITED; 2];
+            }
+        }
+        let sides: Vec<_> =
+            wholes.iter().map(|&whole| side(whole, usize::from(self.faces[whole as usize].split))).collect();
+        self.link_cycle(sides.into_iter());
+    }
+}
