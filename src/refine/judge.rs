@@ -72,19 +72,18 @@ pub(super) struct State {
 }
 
 impl Refiner<'_> {
-    /// Estimates the new faces `faces` and queues them; `inherited` is what each takes over.
-    pub(super) fn judge(&mut self, faces: &[u32], inherited: impl Fn(u32) -> Inherited + Sync) {
+    /// Estimates new faces, each with what it takes over, and queues them.
+    pub(super) fn judge(&mut self, faces: &[(u32, Inherited)]) {
         let states: Vec<State> = faces
             .par_iter()
             .with_min_len(32)
-            .map(|&face| {
+            .map(|&(face, Inherited { deviation, clear })| {
                 let pixels = pixels::visible(&self.mesh, self.context.view, self.shown, face);
                 let size = self.mesh.size(face);
                 if pixels == 0.0 {
                     return State { size, ..State::default() };
                 }
                 let corners = self.mesh.faces[face as usize].corners.map(|v| self.corner(v));
-                let Inherited { deviation, clear } = inherited(face);
                 let (guarded, clear) = self.guarded(face, corners, clear);
                 State {
                     deviation: self.predictor.face(corners, size).plus(deviation),
@@ -99,7 +98,7 @@ impl Refiner<'_> {
                 }
             })
             .collect();
-        for (&face, state) in faces.iter().zip(states) {
+        for (&(face, _), state) in faces.iter().zip(states) {
             self.state[face as usize] = state;
             let color = state.deviation.color + GUARDED * state.guarded;
             self.predicted[face as usize] =

@@ -70,10 +70,10 @@ pub struct Face {
     pub base: u32,
     /// Number of bisections that made it.
     pub level: u8,
-    /// The two halves, or [`NONE`] for a leaf, or [`UNITED`]. The first holds corner `split` of this face.
+    /// The two halves, or [`NONE`] for a leaf, or [`UNITED`]. The first holds the corner of this face at which its longest edge begins.
     children: [u32; 2],
-    /// Which edge was bisected.
-    split: u8,
+    /// Its longest edge as seen from the eye: what is or would be bisected.
+    longest: u8,
 }
 
 impl Face {
@@ -118,6 +118,17 @@ pub struct Mesh {
     /// Pixels per unit of `images`.
     pub pixels_per_unit: f32,
     view: View,
+    room: Room,
+}
+
+/// Lists that bisecting works on, kept for their memory.
+#[derive(Debug, Clone, Default)]
+struct Room {
+    /// Faces that wait for others to be bisected first.
+    blocked: Vec<u32>,
+    /// Those around the edge that is bisected, and around one half of it.
+    sides: Vec<Side>,
+    halves: Vec<Side>,
 }
 
 impl Mesh {
@@ -132,6 +143,7 @@ impl Mesh {
             roots: FxHashMap::default(),
             pixels_per_unit: view.height as f32 / (2.0 * view.half.y),
             view: *view,
+            room: Room::default(),
         };
         let mut point_ids = FxHashMap::default();
         let mut vertex_ids = FxHashMap::default();
@@ -165,13 +177,13 @@ impl Mesh {
             });
             mesh.roots.insert(base, mesh.faces.len() as u32);
             let own = mesh.faces.len() as u32;
-            mesh.faces.push(Face {
+            mesh.push_face(Face {
                 corners,
                 radial: [side(own, 0), side(own, 1), side(own, 2)],
                 base,
                 level: 0,
                 children: [NONE; 2],
-                split: 0,
+                longest: 0,
             });
         }
         mesh.link();
@@ -245,14 +257,22 @@ impl Mesh {
         (self.images[a as usize] - self.images[b as usize]).length_squared()
     }
 
-    /// The longest edge of a face. Ties are broken by point ids, so that edges have one strict order and
+    /// Adds a face, whose longest edge is found. Ties are broken by point ids, so that edges have one strict order and
     /// propagation ends.
-    fn longest(&self, face: u32) -> Side {
-        let key = |s: Side| {
-            let (a, b) = self.edge_points(s);
+    fn push_face(&mut self, face: Face) {
+        let points = face.corners.map(|v| self.vertices[v as usize].point);
+        let key = |edge: usize| {
+            let (a, b) = (points[edge], points[(edge + 1) % 3]);
+            let (a, b) = (a.min(b), a.max(b));
             (self.image_length_squared(a, b).to_bits(), b, a) // non-negative floats order as their bits
         };
-        (0..3).map(|edge| side(face, edge)).max_by_key(|&s| key(s)).expect("a face has three edges")
+        let longest = (0..3).max_by_key(|&edge| key(edge)).expect("a face has three edges");
+        self.faces.push(Face { longest: longest as u8, ..face });
+    }
+
+    /// The longest edge of a face.
+    fn longest(&self, face: u32) -> Side {
+        side(face, usize::from(self.faces[face as usize].longest))
     }
 
     /// Longest edge of a face in pixels.
@@ -272,25 +292,25 @@ impl Mesh {
     ///
     /// Does nothing if `face` is no longer a leaf.
     pub fn bisect(&mut self, face: u32, splits: &mut Vec<Split>) {
-        let mut stack = vec![face];
-        while let Some(&top) = stack.last() {
+        let mut room = std::mem::take(&mut self.room);
+        room.blocked.push(face);
+        while let Some(&top) = room.blocked.last() {
             if !self.faces[top as usize].is_leaf() {
-                stack.pop();
+                room.blocked.pop();
                 continue;
             }
             let longest = self.longest(top);
-            let blocking = self
-                .around(longest)
-                .map(|s| s >> 2)
-                .find(|&other| self.edge_points(self.longest(other)) != self.edge_points(longest));
+            let points = self.edge_points(longest);
+            let blocking = self.around(longest).find(|&s| self.edge_points(self.longest(s >> 2)) != points);
             match blocking {
-                Some(neighbour) => stack.push(neighbour),
+                Some(neighbour) => room.blocked.push(neighbour >> 2),
                 None => {
-                    self.bisect_edge(longest, splits);
-                    stack.pop();
+                    self.bisect_edge(longest, &mut room, splits);
+                    room.blocked.pop();
                 }
             }
         }
+        self.room = room;
     }
 
     /// All sides of an edge, starting with the given one.
@@ -304,25 +324,22 @@ impl Mesh {
         })
     }
 
-    fn bisect_edge(&mut self, edge: Side, splits: &mut Vec<Split>) {
-        let sides: Vec<Side> = self.around(edge).collect();
+    fn bisect_edge(&mut self, edge: Side, Room { sides, halves, .. }: &mut Room, splits: &mut Vec<Split>) {
+        sides.clear();
+        sides.extend(self.around(edge));
         let (first, second) = self.edge_points(edge);
         let middle = (self.points[first as usize] + self.points[second as usize]) * 0.5;
         let point = self.push_point(middle);
-        let mut made: Vec<([u32; 2], u32)> = Vec::with_capacity(2);
-        let mut halves: [Vec<Side>; 2] = Default::default();
-        for &s in &sides {
+        let vertices = self.vertices.len();
+        for &s in sides.iter() {
             let (index, e) = (face_of(s), edge_of(s));
             let face = self.faces[index];
             let [a, b, c] = [face.corners[e], face.corners[(e + 1) % 3], face.corners[(e + 2) % 3]];
             let ends = [a.min(b), a.max(b)];
-            let vertex = match made.iter().find(|(parents, _)| *parents == ends) {
-                Some(&(_, vertex)) => vertex,
-                None => {
-                    let vertex = self.push_midpoint(ends, point);
-                    made.push((ends, vertex));
-                    vertex
-                }
+            let known = self.vertices[vertices..].iter().position(|vertex| vertex.parents == ends);
+            let vertex = match known {
+                Some(known) => (vertices + known) as u32,
+                None => self.push_midpoint(ends, point),
             };
             let facet = self.facet(index as u32);
             self.vertices[vertex as usize].geometric += facet;
@@ -334,22 +351,24 @@ impl Mesh {
                 base: face.base,
                 level: face.level.saturating_add(1),
                 children: [NONE; 2],
-                split: 0,
+                longest: 0,
             };
             // Edges of the halves: left = (c a, a m, m c), right = (b c, c m, m b).
-            self.faces.push(child([c, a, vertex], [side(left, 0), side(left, 1), side(right, 1)]));
-            self.faces.push(child([b, c, vertex], [side(right, 0), side(left, 2), side(right, 2)]));
+            self.push_face(child([c, a, vertex], [side(left, 0), side(left, 1), side(right, 1)]));
+            self.push_face(child([b, c, vertex], [side(right, 0), side(left, 2), side(right, 2)]));
             self.faces[index].children = [left, right];
-            self.faces[index].split = e as u8;
             self.replace(side(index as u32, (e + 2) % 3), side(left, 0));
             self.replace(side(index as u32, (e + 1) % 3), side(right, 0));
-            let a_is_first = self.vertices[a as usize].point == first;
-            halves[usize::from(!a_is_first)].push(side(left, 1));
-            halves[usize::from(a_is_first)].push(side(right, 2));
             splits.push(Split { vertex, face: index as u32 });
         }
-        for half in halves {
-            self.link_cycle(half.iter().copied());
+        for end in [first, second] {
+            halves.clear();
+            halves.extend(sides.iter().map(|&s| {
+                let Face { corners, children: [left, right], .. } = self.faces[face_of(s)];
+                let starts = self.vertices[corners[edge_of(s)] as usize].point == end;
+                if starts { side(left, 1) } else { side(right, 2) }
+            }));
+            self.link_cycle(halves.iter().copied());
         }
     }
 
@@ -407,11 +426,11 @@ impl Mesh {
     pub fn leaf_at(&self, base: u32, image: Vec3) -> Option<u32> {
         let mut face = self.root(base)?;
         loop {
-            let Face { corners, children, split, .. } = self.faces[face as usize];
+            let Face { corners, children, longest, .. } = self.faces[face as usize];
             if children[0] == NONE {
                 return Some(face);
             }
-            let e = usize::from(split);
+            let e = usize::from(longest);
             let image_at = |v: u32| self.images[self.vertices[v as usize].point as usize];
             let middle = self.faces[children[0] as usize].corners[2];
             let (a, c, m) = (image_at(corners[e]), image_at(corners[(e + 2) % 3]), image_at(middle));

@@ -182,7 +182,9 @@ impl<'a> Refiner<'a> {
             refiner.state[face as usize].pixels = dense.pixels(face);
             refiner.trace_pixels_of(face);
         }
-        refiner.judge(&others, |_| Inherited::default());
+        let others: Vec<(u32, Inherited)> =
+            others.into_iter().map(|face| (face, Inherited::default())).collect();
+        refiner.judge(&others);
         refiner.total_pixels = refiner.state.iter().map(|state| state.pixels).sum();
         refiner
     }
@@ -329,20 +331,16 @@ impl<'a> Refiner<'a> {
         splits.retain(|split| !self.state[split.face as usize].traced);
         let edges: Vec<Deviation> =
             splits.par_iter().with_min_len(32).map(|split| self.surprise(split)).collect();
-        let mut inherited = rustc_hash::FxHashMap::default();
+        let mut halves: Vec<(u32, Inherited)> = Vec::with_capacity(2 * splits.len());
         for (split, edge) in splits.iter().zip(edges) {
-            for child in self.mesh.faces[split.face as usize].halves().into_iter().flatten() {
-                let clear = self.state[split.face as usize].clear;
-                inherited.insert(child, Inherited { deviation: edge.scaled(INHERITED), clear });
-            }
+            let State { clear, .. } = self.state[split.face as usize];
+            let inherited = Inherited { deviation: edge.scaled(INHERITED), clear };
+            let leaves = self.mesh.faces[split.face as usize].halves().into_iter().flatten();
+            halves.extend(
+                leaves.filter(|&half| self.mesh.faces[half as usize].is_leaf()).map(|half| (half, inherited)),
+            );
         }
-        let faces: Vec<u32> = splits
-            .iter()
-            .filter_map(|split| self.mesh.faces[split.face as usize].halves())
-            .flatten()
-            .filter(|&face| self.mesh.faces[face as usize].is_leaf())
-            .collect();
-        self.judge(&faces, |face| inherited.get(&face).copied().unwrap_or_default());
+        self.judge(&halves);
         self.steps += 1;
         true
     }

@@ -41,7 +41,7 @@ impl Mesh {
         for &whole in wholes {
             let face = self.faces[whole as usize];
             let [left, right] = face.children;
-            let split = usize::from(face.split);
+            let split = usize::from(face.longest);
             self.replace(side(left, 0), side(whole, (split + 2) % 3));
             self.replace(side(right, 0), side(whole, (split + 1) % 3));
             self.faces[whole as usize].children = [NONE; 2];
@@ -49,8 +49,7 @@ impl Mesh {
                 self.faces[half as usize].children = [UNITED; 2];
             }
         }
-        let sides: Vec<_> =
-            wholes.iter().map(|&whole| side(whole, usize::from(self.faces[whole as usize].split))).collect();
+        let sides: Vec<_> = wholes.iter().map(|&whole| self.longest(whole)).collect();
         self.link_cycle(sides.into_iter());
     }
 }
