@@ -50,6 +50,8 @@ pub(super) type Clear = [Option<(u32, TargetId)>; 2];
 pub(super) struct Inherited {
     pub deviation: Deviation,
     pub clear: Clear,
+    /// Whether the whole face shows.
+    pub whole: bool,
 }
 
 /// What is known of a face.
@@ -59,6 +61,8 @@ pub(super) struct State {
     pub deviation: Deviation,
     /// Pixels that show it, estimated.
     pub pixels: f32,
+    /// Whether all of it seems to show.
+    pub whole: bool,
     /// Squared contribution of the paths whose shafts are entered.
     pub guarded: f32,
     /// Its clear shafts.
@@ -77,8 +81,11 @@ impl Refiner<'_> {
         let states: Vec<State> = faces
             .par_iter()
             .with_min_len(32)
-            .map(|&(face, Inherited { deviation, clear })| {
-                let pixels = pixels::visible(&self.mesh, self.context.view, self.shown, face);
+            .map(|&(face, Inherited { deviation, clear, whole })| {
+                let (pixels, whole) = match whole {
+                    true => (self.mesh.area(face), true),
+                    false => pixels::visible(&self.mesh, self.context.view, self.shown, face),
+                };
                 let size = self.mesh.size(face);
                 if pixels == 0.0 {
                     return State { size, ..State::default() };
@@ -90,6 +97,7 @@ impl Refiner<'_> {
                     guarded,
                     clear,
                     pixels,
+                    whole,
                     size,
                     blind: self.is_mapped(face)
                         || self.is_curved(face, corners)

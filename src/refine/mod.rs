@@ -333,8 +333,8 @@ impl<'a> Refiner<'a> {
             splits.par_iter().with_min_len(32).map(|split| self.surprise(split)).collect();
         let mut halves: Vec<(u32, Inherited)> = Vec::with_capacity(2 * splits.len());
         for (split, edge) in splits.iter().zip(edges) {
-            let State { clear, .. } = self.state[split.face as usize];
-            let inherited = Inherited { deviation: edge.scaled(INHERITED), clear };
+            let State { clear, whole, .. } = self.state[split.face as usize];
+            let inherited = Inherited { deviation: edge.scaled(INHERITED), clear, whole };
             let leaves = self.mesh.faces[split.face as usize].halves().into_iter().flatten();
             halves.extend(
                 leaves.filter(|&half| self.mesh.faces[half as usize].is_leaf()).map(|half| (half, inherited)),

@@ -65,27 +65,28 @@ pub fn count(mesh: &Mesh, view: &View, shown: Shown, face: u32) -> Option<u32> {
 }
 
 /// Estimated number of pixels that show `face`: its projected area times the share of points inside it at
-/// which its base face shows; where counts alone are known, times the share of the base face's area that does.
-pub fn visible(mesh: &Mesh, view: &View, shown: Shown, face: u32) -> f32 {
+/// which its base face shows; where counts alone are known, times the share of the base face's area that does. And whether
+/// all these points show it, so that its halves need not be looked for.
+pub fn visible(mesh: &Mesh, view: &View, shown: Shown, face: u32) -> (f32, bool) {
     match shown {
         Shown::Image(ids) => visible_in_image(mesh, view, ids, face),
         Shown::Counts(counts) => {
             let base = mesh.faces[face as usize].base;
             let whole = mesh.root(base).map_or(0.0, |root| mesh.area(root));
             let pixels = counts[base as usize] as f32;
-            if whole > 0.0 { pixels * (mesh.area(face) / whole).min(1.0) } else { pixels }
+            (if whole > 0.0 { pixels * (mesh.area(face) / whole).min(1.0) } else { pixels }, false)
         }
     }
 }
 
-fn visible_in_image(mesh: &Mesh, view: &View, ids: IdImage, face: u32) -> f32 {
+fn visible_in_image(mesh: &Mesh, view: &View, ids: IdImage, face: u32) -> (f32, bool) {
     let base = mesh.faces[face as usize].base;
     let corners =
         mesh.faces[face as usize].corners.map(|v| mesh.images[mesh.vertices[v as usize].point as usize]);
     let area = mesh.area(face);
     let frame = ids.pixels.len() as f32;
     if area > frame {
-        return frame * share_of_frame(mesh, view, ids, base, corners);
+        return (frame * share_of_frame(mesh, view, ids, base, corners), false);
     }
     // Straight between projected corners: which points are looked at does not matter much.
     let projected =
@@ -111,7 +112,7 @@ fn visible_in_image(mesh: &Mesh, view: &View, ids: IdImage, face: u32) -> f32 {
         }
         seen as f32 / all as f32
     };
-    area * share
+    (area * share, share == 1.0)
 }
 
 /// Share of the frame that shows `base` inside the image vectors `corners`: looked for from the frame's side, where a
