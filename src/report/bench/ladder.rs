@@ -6,7 +6,7 @@ use std::str::FromStr;
 
 use serde::{Serialize, Serializer};
 
-use crate::options::{Choice, EffortOptions, Msaa, Options, Reconstruction, Ss};
+use crate::options::{Choice, EffortOptions, Msaa, Options, PixelSamples, Reconstruction, Ss};
 
 /// How much is measured, and of what.
 #[derive(Debug, Clone)]
@@ -60,7 +60,7 @@ pub struct Outside {
 pub enum Antialiasing {
     /// One sample a pixel.
     None,
-    /// Four shaded samples a pixel.
+    /// Four shaded samples a pixel, and as many of pixels that are traced.
     Ss4,
     /// Four coverage samples a pixel, shaded once.
     Msaa4,
@@ -69,7 +69,7 @@ pub enum Antialiasing {
 impl Choice for Antialiasing {
     const ALL: &'static [(Self, &'static str, &'static str)] = &[
         (Self::None, "ss1", "one sample a pixel"),
-        (Self::Ss4, "ss4", "four shaded samples a pixel"),
+        (Self::Ss4, "ss4", "four samples a pixel, shaded or traced"),
         (Self::Msaa4, "msaa4", "four coverage samples a pixel, shaded once"),
     ];
 }
@@ -85,6 +85,9 @@ impl Antialiasing {
     pub fn apply(self, options: &Options) -> Options {
         let mut options = options.clone();
         (options.method.ss, options.method.msaa) = self.samples();
+        if self == Self::Ss4 {
+            options.method.pixel_samples = PixelSamples::Four;
+        }
         options
     }
 
