@@ -138,7 +138,7 @@ impl Job<'_> {
         };
         observe(&refiner)?;
         let stopped_by = refiner.run(&options.effort, self.started, observe)?;
-        refiner.unite_traced();
+        refiner.unite();
         let ended = Instant::now();
         let (predicted, predicted_rmse) = refiner.predicted();
         let refined = ms(time);

@@ -41,6 +41,11 @@ const FIRST: f32 = 1e12;
 /// Predicted squared error per pixel below which nothing is worth a sample: half an 8-bit step.
 const NEGLIGIBLE: f32 = (0.5 / 255.0) * (0.5 / 255.0);
 
+/// Predicted squared error of colour, and squared displacement in pixels, up to which what a face shows is known: a
+/// ten-thousandth, and a tenth of a pixel.
+const KNOWN_COLOR: f32 = 1e-8;
+const KNOWN_SHIFT: f32 = 1e-2;
+
 /// Paths of one bounce, with the one target that they meet from all corners, into whose shafts nothing reaches: nor does
 /// anything into those of the halves, which lie within. One for each branch.
 pub(super) type Clear = [Option<(u32, TargetId)>; 2];
@@ -73,6 +78,19 @@ pub(super) struct State {
     pub blind: bool,
     /// Whether its pixels are traced one by one.
     pub traced: bool,
+}
+
+impl State {
+    /// The same once its pixels are traced.
+    pub fn traced(self) -> Self {
+        Self { deviation: Deviation::default(), guarded: 0.0, traced: true, ..self }
+    }
+
+    /// Whether what it shows is known, as far as its corners' samples tell.
+    pub fn is_known(&self) -> bool {
+        let Self { deviation: Deviation { color, shift }, guarded, blind, traced, .. } = *self;
+        !blind && !traced && color + guarded <= KNOWN_COLOR && shift <= KNOWN_SHIFT
+    }
 }
 
 impl Refiner<'_> {

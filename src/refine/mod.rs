@@ -369,22 +369,23 @@ impl<'a> Refiner<'a> {
     fn trace_pixels_of(&mut self, face: u32) {
         let state = &mut self.state[face as usize];
         self.pixel_budget_used += state.pixels;
-        state.deviation = Deviation::default();
-        state.guarded = 0.0;
-        state.traced = true;
+        *state = state.traced();
         self.predicted[face as usize] = [0.0; 2];
         self.pixel_faces.push(face);
     }
 
-    /// Unites what was bisected and is traced after all: a picture of many pixels is drawn as one face. Refinement is over.
-    pub fn unite_traced(&mut self) {
-        let mut traced: Vec<bool> = self.state.iter().map(|state| state.traced).collect();
-        self.mesh.unite(&mut traced, UNITED_SIZE);
-        self.pixel_faces = self.mesh.leaves().filter(|&face| traced[face as usize]).collect();
-        for &face in &self.pixel_faces {
-            self.state[face as usize].traced = true;
-            self.state[face as usize].deviation = Deviation::default();
-        }
+    /// Unites what was bisected for nothing, for there is less to draw then: halves that are traced after all, or that
+    /// show, as far as is known, what their whole does. Refinement is over.
+    pub fn unite(&mut self) {
+        let Self { mesh, state, .. } = self;
+        let exact = self.predictor.reconstruction == Reconstruction::Exact;
+        mesh.unite(state, |mesh, face, whole, halves| {
+            if halves.iter().all(|half| half.traced) {
+                return (mesh.size(face) <= UNITED_SIZE).then(|| whole.traced());
+            }
+            (exact && whole.is_known() && halves.iter().all(State::is_known)).then_some(whole)
+        });
+        self.pixel_faces = mesh.leaves().filter(|&face| state[face as usize].traced).collect();
     }
 
     /// Where a traced face was bisected for its neighbour's sake, its halves are traced in its place.

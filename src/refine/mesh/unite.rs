@@ -3,10 +3,10 @@
 use super::{Mesh, NONE, UNITED, side};
 
 impl Mesh {
-    /// Takes bisections back, the last first, wherever all halves are leaves that `chosen` marks by face and what they
-    /// are halves of is at most `most` pixels long; that is then marked in their place. The mesh stays conforming:
-    /// a vertex goes once nothing around it needs it.
-    pub fn unite(&mut self, chosen: &mut [bool], most: f32) {
+    /// Takes bisections back, the last first, wherever all halves around an edge are leaves and `join` lets them go. It is
+    /// given a face, and what is `known` of it and of its halves, and says what is known of it as a leaf, or `None`. The
+    /// mesh stays conforming: a vertex goes once nothing around it needs it.
+    pub fn unite<T: Copy>(&mut self, known: &mut [T], join: impl Fn(&Self, u32, T, [T; 2]) -> Option<T>) {
         let mut parent = vec![NONE; self.faces.len()];
         for (index, face) in self.faces.iter().enumerate().filter(|(_, face)| face.is_bisected()) {
             for half in face.children {
@@ -21,11 +21,18 @@ impl Mesh {
             let pairs = pairs.take_while(|&left| self.middle(left) == middle).count();
             let start = end - 2 * pairs;
             let wholes: Vec<u32> = (start..end).step_by(2).map(|left| parent[left]).collect();
-            let are_chosen = (start..end).all(|half| self.faces[half].is_leaf() && chosen[half]);
-            if are_chosen && wholes.iter().all(|&whole| self.size(whole) <= most) {
-                self.take_back(&wholes);
-                wholes.iter().for_each(|&whole| chosen[whole as usize] = true);
-                chosen[start..end].fill(false);
+            if (start..end).all(|half| self.faces[half].is_leaf()) {
+                let joined: Option<Vec<T>> = wholes
+                    .iter()
+                    .map(|&whole| {
+                        let halves = self.faces[whole as usize].children.map(|half| known[half as usize]);
+                        join(self, whole, known[whole as usize], halves)
+                    })
+                    .collect();
+                if let Some(joined) = joined {
+                    self.take_back(&wholes);
+                    wholes.iter().zip(joined).for_each(|(&whole, joined)| known[whole as usize] = joined);
+                }
             }
             end = start;
         }
