@@ -280,7 +280,7 @@ impl<'s> Renderer<'s> {
         let block = FrameBlock::new(self.scene, view);
         let mut overlay = None;
         let (mut refined, mut cost) = (Instant::now(), 0);
-        let leaves = match (&self.traced, &mut self.finder) {
+        let mut leaves = match (&self.traced, &mut self.finder) {
             (Some(traced), Some(finder)) => {
                 let Painted { painter, table, base_textures, .. } = &mut self.painted;
                 let matcher = Matcher {
@@ -335,13 +335,15 @@ impl<'s> Renderer<'s> {
         };
         let painter = &mut self.painted.painter;
         let time = Instant::now();
-        if let Some(leaves) = &leaves {
+        let mut components = COMPONENT_PRIMARY;
+        if let Some(leaves) = &mut leaves {
             painter.upload(leaves)?;
+            components = leaves.components();
+            leaves.free_buffers();
         }
         stats.time_ms.upload = ms(time);
         let time = Instant::now();
-        let (passes, nothing) =
-            self.plan.passes_for(leaves.as_ref().map_or(COMPONENT_PRIMARY, Drawn::components));
+        let (passes, nothing) = self.plan.passes_for(components);
         stats.left_out.extend(nothing);
         let shaded = self.options.method.ss.samples();
         let shaded = if self.warming_up { shaded.min(4) } else { shaded };

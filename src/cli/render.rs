@@ -112,6 +112,8 @@ pub(super) fn run(args: &RenderArgs) -> Result<(), Failure> {
     let mut frame = renderer.render_steps(&view, observer)?;
     frame.stats.time_ms.load = load;
     frame.stats.time_ms.warmup = warmup;
+    // Files are encoded in the memory that it took.
+    drop(renderer);
     args.out.write(args.output.as_deref(), &frame.image, &frame.stats)?;
     Ok(())
 }

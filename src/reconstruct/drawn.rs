@@ -24,6 +24,16 @@ impl Drawn {
         }
     }
 
+    /// Frees what [`buffers`](Self::buffers) gives, once the device has it.
+    pub fn free_buffers(&mut self) {
+        match self {
+            Self::Exact(leaves) => {
+                (leaves.vertices, leaves.leaves, leaves.nodes) = Default::default();
+            }
+            Self::Paper(leaves) => (leaves.vertices, leaves.leaves) = Default::default(),
+        }
+    }
+
     /// The groups in the order of the records, with the number of leaves of each.
     pub fn groups(&self) -> &[(Group, u32)] {
         match self {
