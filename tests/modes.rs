@@ -337,11 +337,9 @@ fn steps_add_samples_and_never_error() {
             let last = steps.last().unwrap();
             assert!(last.2 < 0.7 * steps[0].2, "refinement does not help: {what}");
             assert_eq!(last.1, frame.stats.samples, "{what}");
-            assert_eq!(
-                compare(&reference, &frame.image, None, Encoding::Srgb).unwrap().rmse,
-                last.2,
-                "{what}"
-            );
+            // The finished frame unites what its steps bisected for nothing.
+            let finished = compare(&reference, &frame.image, None, Encoding::Srgb).unwrap().rmse;
+            assert!((finished - last.2).abs() < 0.01 * last.2, "{finished}: {what}");
         }
     }
     gpu.finish();

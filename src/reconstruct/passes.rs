@@ -16,9 +16,8 @@ use super::vertex::VertexLayout;
 use crate::constants::*;
 use crate::error::Result;
 use crate::gpu::{
-    Binding, Blend, ColorTarget, Commands, Cull, DepthMode, DepthTarget, DescriptorSet, DeviceBuffer, Draws,
-    Format, Gpu, GraphicsDesc, GraphicsPipeline, Image, ImageDesc, ReadbackBuffer, ReadbackChoice, Resource,
-    SetLayout, Shader, StencilMode, Targets, Uploads,
+    Binding, Blend, Commands, Cull, DepthMode, DescriptorSet, DeviceBuffer, Draws, Format, Gpu, GraphicsDesc,
+    GraphicsPipeline, Resource, SetLayout, Shader, StencilMode, Uploads,
 };
 use crate::options::{Equation, Reconstruction};
 use crate::report::image::FloatImage;
@@ -48,15 +47,14 @@ pub const ARRAY_BINDINGS: [Binding; 3] = [
 mod base_image;
 mod describe;
 mod list;
+mod target;
 
 pub use describe::{BaseDraw, BaseFaces, ColorPass, Drawing, PassOptions, color_passes};
 use list::LeafList;
 pub use list::list_bytes;
+use target::{Target, TargetDesc};
 
 const UPLOAD_BYTES: u64 = 16 << 20;
-
-/// Bytes of a target up to which pixels are divided into fragments of one draw.
-const MOST_TARGET_BYTES: u64 = 1 << 30;
 
 /// Bytes of the staging buffer: as many as `fixed`, what never changes, unless leaves are uploaded frame by frame.
 pub fn staging_bytes(leaves: bool, fixed: u64) -> u64 {
@@ -116,16 +114,6 @@ pub struct Painter {
     touch_only: bool,
     /// Of pictures that are read while the next is drawn.
     ring: Option<PictureRing>,
-}
-
-struct Target {
-    /// As often halved as the block that it was made for says.
-    color: Image,
-    /// Means over the fragments of each pixel, where there are several.
-    mean: Option<Image>,
-    multisampled: Option<Image>,
-    depth: Image,
-    staging: ReadbackBuffer,
 }
 
 impl Painter {
@@ -403,45 +391,23 @@ impl Painter {
     /// Whether the device has room for the fragments of `block`, and they are not so many that they had better be drawn
     /// in turns.
     pub fn holds(&self, block: &FrameBlock) -> bool {
-        let (across, down) = (block.width << block.halvings, block.height << block.halvings);
-        [("color", Format::Rgba16f), ("depth", self.depth_format())].into_iter().all(|(name, format)| {
-            let desc = ImageDesc::target(name, format, across, down).with_samples(self.options.samples);
-            desc.bytes() <= MOST_TARGET_BYTES && Image::is_supported(&self.gpu, &desc)
-        })
+        Target::is_possible(&self.gpu, &self.target_desc(block))
     }
 
     fn make_target(&mut self, block: &FrameBlock) -> Result<()> {
-        let &FrameBlock { width, height, halvings, .. } = block;
-        let (across, down) = (width << halvings, height << halvings);
-        let size = |image: &Image| (image.width(), image.height());
-        if self.target.as_ref().is_some_and(|target| {
-            size(&target.color) == (across, down) && size(target.picture()) == (width, height)
-        }) {
-            return Ok(());
+        let desc = self.target_desc(block);
+        if self.target.as_ref().is_none_or(|target| target.desc != desc) {
+            // Freed before it is made anew, so that both never exist at once.
+            self.target = None;
+            self.fresh_base = None;
+            self.target = Some(Target::new(&self.gpu, desc)?);
         }
-        self.target = None;
-        self.fresh_base = None;
-        let samples = self.options.samples;
-        let gpu = &self.gpu;
-        let color = Image::new(gpu, &ImageDesc::target("color", Format::Rgba16f, across, down))?;
-        let mean = (halvings > 0)
-            .then(|| {
-                let desc = ImageDesc::texture("mean color", Format::Rgba16f, (width, height), 1, false);
-                Image::new(gpu, &desc)
-            })
-            .transpose()?;
-        let multisampled = (samples > 1)
-            .then(|| {
-                let desc = ImageDesc::target("multisampled color", Format::Rgba16f, across, down);
-                Image::new(gpu, &desc.with_samples(samples))
-            })
-            .transpose()?;
-        let depth = ImageDesc::target("depth", self.depth_format(), across, down).with_samples(samples);
-        let depth = Image::new(gpu, &depth)?;
-        let bytes = mean.as_ref().unwrap_or(&color).bytes();
-        let staging = ReadbackBuffer::new(gpu, "image staging", bytes, ReadbackChoice::Best)?;
-        self.target = Some(Target { color, mean, multisampled, depth, staging });
         Ok(())
+    }
+
+    fn target_desc(&self, block: &FrameBlock) -> TargetDesc {
+        let &FrameBlock { width, height, halvings, .. } = block;
+        TargetDesc { width, height, halvings, samples: self.options.samples, depth: self.depth_format() }
     }
 
     /// Makes the set of a group's arrays.
@@ -566,27 +532,5 @@ fn record_base(
     commands.pipeline(pipeline).set(0, scene).set(1, list).set(2, arrays);
     for leaves in draw.clusters.draws(frustum) {
         commands.draw(3 * leaves.start..3 * leaves.end);
-    }
-}
-
-impl Target {
-    /// What is read: a texel for each pixel.
-    fn picture(&self) -> &Image {
-        self.mean.as_ref().unwrap_or(&self.color)
-    }
-
-    fn render<'a>(
-        &self,
-        recording: &mut crate::gpu::Recording<'a>,
-        clear: bool,
-        work: impl FnOnce(&mut Draws<'_, 'a>),
-    ) {
-        let clear_color = clear.then_some([0.0; 4]);
-        let color = match &self.multisampled {
-            None => ColorTarget { image: &self.color, clear: clear_color, resolve: None },
-            Some(image) => ColorTarget { image, clear: clear_color, resolve: Some(&self.color) },
-        };
-        let depth = Some(DepthTarget { image: &self.depth, clear });
-        recording.render(&Targets { colors: &[color], depth }, work);
     }
 }

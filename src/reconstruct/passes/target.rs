@@ -1,0 +1,97 @@
+//! What the colour passes draw into, and its way to the host.
+
+use std::sync::Arc;
+
+use crate::error::Result;
+use crate::gpu::{
+    ColorTarget, DepthTarget, Draws, Format, Gpu, Image, ImageDesc, ReadbackBuffer, ReadbackChoice,
+    Recording, Targets,
+};
+
+/// Bytes of an image up to which pixels are divided into fragments of one draw.
+const MOST_BYTES: u64 = 1 << 30;
+
+/// What a target is made for.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub(super) struct TargetDesc {
+    /// Pixels across.
+    pub width: u32,
+    /// Pixels down.
+    pub height: u32,
+    /// How often the side of a pixel is halved.
+    pub halvings: u32,
+    /// Coverage samples of a fragment.
+    pub samples: u32,
+    /// Format of the depth image.
+    pub depth: Format,
+}
+
+impl TargetDesc {
+    fn image<'n>(&self, name: &'n str, format: Format) -> ImageDesc<'n> {
+        ImageDesc::target(name, format, self.width << self.halvings, self.height << self.halvings)
+    }
+
+    fn depth_image(&self) -> ImageDesc<'static> {
+        self.image("depth", self.depth).with_samples(self.samples)
+    }
+
+    fn multisampled(&self) -> ImageDesc<'static> {
+        self.image("multisampled color", Format::Rgba16f).with_samples(self.samples)
+    }
+}
+
+/// Images of a size, all of one frame.
+pub(super) struct Target {
+    pub desc: TargetDesc,
+    /// Of the fragments.
+    pub color: Image,
+    /// Means over the fragments of each pixel, where there are several.
+    pub mean: Option<Image>,
+    multisampled: Option<Image>,
+    pub depth: Image,
+    pub staging: ReadbackBuffer,
+}
+
+impl Target {
+    /// Whether the device has such images, none of them larger than is reasonable.
+    pub fn is_possible(gpu: &Gpu, desc: &TargetDesc) -> bool {
+        let images = [desc.multisampled(), desc.depth_image()];
+        images.iter().all(|image| image.bytes() <= MOST_BYTES && Image::is_supported(gpu, image))
+    }
+
+    /// Makes the images; their content is undefined.
+    ///
+    /// # Errors
+    /// A size that the device does not support; no memory left.
+    pub fn new(gpu: &Arc<Gpu>, desc: TargetDesc) -> Result<Self> {
+        let color = Image::new(gpu, &desc.image("color", Format::Rgba16f))?;
+        let mean = ImageDesc::texture("mean color", color.format(), (desc.width, desc.height), 1, false);
+        let mean = (desc.halvings > 0).then(|| Image::new(gpu, &mean)).transpose()?;
+        let multisampled = (desc.samples > 1).then(|| Image::new(gpu, &desc.multisampled())).transpose()?;
+        let depth = Image::new(gpu, &desc.depth_image())?;
+        let bytes = mean.as_ref().unwrap_or(&color).bytes();
+        let staging = ReadbackBuffer::new(gpu, "image staging", bytes, ReadbackChoice::Best)?;
+        Ok(Self { desc, color, mean, multisampled, depth, staging })
+    }
+
+    /// What is read: a texel for each pixel.
+    pub fn picture(&self) -> &Image {
+        self.mean.as_ref().unwrap_or(&self.color)
+    }
+
+    /// Records `work` as draws into it.
+    pub fn render<'a>(
+        &self,
+        recording: &mut Recording<'a>,
+        clear: bool,
+        work: impl FnOnce(&mut Draws<'_, 'a>),
+    ) {
+        let clear_color = clear.then_some([0.0; 4]);
+        let color = match &self.multisampled {
+            None => ColorTarget { image: &self.color, clear: clear_color, resolve: None },
+            Some(image) => ColorTarget { image, clear: clear_color, resolve: Some(&self.color) },
+        };
+        let depth = Some(DepthTarget { image: &self.depth, clear });
+        recording.render(&Targets { colors: &[color], depth }, work);
+    }
+}
