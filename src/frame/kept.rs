@@ -7,7 +7,7 @@ use super::{Traced, ms};
 use crate::constants::MAX_LIGHTS;
 use crate::error::Result;
 use crate::gpu::{Gpu, Uploads};
-use crate::options::{FilterMode, Msaa, Options, VisibilityWay};
+use crate::options::{FilterMode, Options, VisibilityWay};
 use crate::plan::Plan;
 use crate::reconstruct::bank::{self, Bank, Wanted};
 use crate::reconstruct::base;
@@ -112,7 +112,7 @@ impl Kept {
             passes: plan.passes.clone(),
             single_pass,
             equation: method.equation,
-            samples: if method.msaa == Msaa::Four { 4 } else { 1 },
+            samples: method.msaa.samples(),
             features: plan.features,
             leaves: plan.traces(),
             lights: (scene.lights.len() as u32).min(MAX_LIGHTS),

@@ -144,6 +144,16 @@ impl Ss {
     }
 }
 
+impl Msaa {
+    /// Coverage samples a pixel.
+    pub fn samples(self) -> u32 {
+        match self {
+            Self::One => 1,
+            Self::Four => 4,
+        }
+    }
+}
+
 impl PixelSamples {
     /// Their number, a square.
     pub fn samples(self) -> u32 {

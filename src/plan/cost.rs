@@ -4,9 +4,13 @@ use serde::Serialize;
 
 use super::Plan;
 use crate::constants::{MATERIAL_TEXELS, TARGET_TEXELS};
-use crate::options::{Msaa, Options, Ss, VisibilityWay};
+use crate::options::{Options, Ss, VisibilityWay};
 use crate::reconstruct::leaves::GpuLeaf;
-use crate::reconstruct::{bank, base, passes, table::Texel};
+use crate::reconstruct::{
+    bank, base,
+    passes::{self, TargetDesc},
+    table::Texel,
+};
 use crate::scene::{AlphaMode, Scene};
 use crate::visibility::{Class, MaskVertex, classes, face_draw};
 
@@ -64,13 +68,19 @@ impl Plan {
         let table = buffer((texels * size_of::<Texel>()) as u64);
         let (textures, panorama) =
             (self.textures.bytes(scene, options.method.filter), bank::panorama_bytes(scene));
-        let (samples, resolved) = if options.method.msaa == Msaa::Four { (4, 1) } else { (1, 0) };
-        let (fragments, mean) = if options.method.ss == Ss::One { (1, 0) } else { (4, 8) };
+        let target = TargetDesc {
+            width: options.view.width,
+            height: options.view.height,
+            halvings: 0,
+            samples: options.method.msaa.samples(),
+            depth: passes::depth_format(single_pass),
+        };
+        let halved = if options.method.ss == Ss::One { None } else { target.halved() };
 
         let mut resources = vec![
             Resource {
                 what: "image, its depth and its way to the host",
-                bytes: pixels * (fragments * (8 + 8 * samples * resolved + 4 * samples) + mean + 8),
+                bytes: halved.unwrap_or(target).bytes(),
                 objects: &["color", "mean color", "multisampled color", "depth", "image staging"],
             },
             Resource { what: "textures", bytes: textures, objects: &[bank::TEXTURES] },

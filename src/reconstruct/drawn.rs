@@ -24,7 +24,8 @@ impl Drawn {
         }
     }
 
-    /// Frees what [`buffers`](Self::buffers) gives, once the device has it.
+    /// Frees what [`buffers`](Self::buffers) gives, once the device has it and [`components`](Self::components) were asked for:
+    /// groups and numbers stay.
     pub fn free_buffers(&mut self) {
         match self {
             Self::Exact(leaves) => {

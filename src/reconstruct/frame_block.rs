@@ -81,11 +81,6 @@ impl FrameBlock {
         }
     }
 
-    /// The block with four times as many fragments a pixel.
-    pub fn halved(self) -> Self {
-        Self { halvings: self.halvings + 1, ..self }
-    }
-
     /// The block with its image moved by a part of a pixel: for samples other than pixel centres.
     pub fn jittered(mut self, x: f32, y: f32) -> Self {
         let shift = Vec3::new(2.0 * x / self.width as f32, 2.0 * y / self.height as f32, 0.0);

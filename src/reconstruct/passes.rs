@@ -52,7 +52,8 @@ mod target;
 pub use describe::{BaseDraw, BaseFaces, ColorPass, Drawing, PassOptions, color_passes};
 use list::LeafList;
 pub use list::list_bytes;
-use target::{Target, TargetDesc};
+use target::Target;
+pub use target::TargetDesc;
 
 const UPLOAD_BYTES: u64 = 16 << 20;
 
@@ -60,6 +61,11 @@ const UPLOAD_BYTES: u64 = 16 << 20;
 pub fn staging_bytes(leaves: bool, fixed: u64) -> u64 {
     let needed = fixed + size_of::<FrameBlock>() as u64;
     if leaves { UPLOAD_BYTES } else { needed.next_multiple_of(16).min(UPLOAD_BYTES) }
+}
+
+/// Format of the depth image; a single pass marks pixels in its stencil.
+pub fn depth_format(single_pass: bool) -> Format {
+    if single_pass { Format::Depth32fStencil8 } else { Format::Depth32f }
 }
 
 /// What a pipeline is made for.
@@ -388,10 +394,11 @@ impl Painter {
         ring.start(target.picture()).map(Some)
     }
 
-    /// Whether the device has room for the fragments of `block`, and they are not so many that they had better be drawn
-    /// in turns.
-    pub fn holds(&self, block: &FrameBlock) -> bool {
-        Target::is_possible(&self.gpu, &self.target_desc(block))
+    /// `block` with four times as many fragments a pixel; `None` if the device has no images of that size, or they had
+    /// better be drawn in turns.
+    pub fn halved(&self, block: &FrameBlock) -> Option<FrameBlock> {
+        let desc = self.target_desc(block).halved().filter(|desc| Target::is_possible(&self.gpu, desc))?;
+        Some(FrameBlock { halvings: desc.halvings, ..*block })
     }
 
     fn make_target(&mut self, block: &FrameBlock) -> Result<()> {
@@ -429,7 +436,7 @@ impl Painter {
     }
 
     fn depth_format(&self) -> Format {
-        if self.options.single_pass { Format::Depth32fStencil8 } else { Format::Depth32f }
+        depth_format(self.options.single_pass)
     }
 
     fn pipeline(&mut self, key: PipelineKey) -> Result<()> {

@@ -1,7 +1,8 @@
 //! Supersampling: the same leaves shaded for every sub-sample of a pixel, no ray added (design §5).
 //!
 //! Four are shaded in one draw of twice the width and height, whose means the device takes: vertices are looked at
-//! once, and triangles are large. More are several such draws, each moved by a part of a pixel.
+//! once, and triangles are large. More are several such draws, each moved by a part of a pixel; so are four where images of
+//! that size are more than the device has, or than is reasonable.
 
 use rayon::prelude::*;
 
@@ -25,16 +26,16 @@ pub fn draw(
     passes: &[ColorPass],
     shaded: u32,
 ) -> Result<(Vec<Drawing>, Option<FloatImage>)> {
-    let finer = block.halved();
-    let block = if shaded.is_multiple_of(4) && painter.holds(&finer) { finer } else { *block };
+    let halved = if shaded.is_multiple_of(4) { painter.halved(block) } else { None };
+    let block = halved.unwrap_or(*block);
+    let moves = moves(shaded, block.halvings);
+    if moves.len() == 1 {
+        return Ok((painter.draw(&block, leaves, passes)?, None));
+    }
     let mut drawings: Vec<Drawing> = Vec::new();
     let mut sum: Option<FloatImage> = None;
-    let moves = moves(shaded, block.halvings);
     for &(x, y) in &moves {
         let drawn = painter.draw(&block.jittered(-x, -y), leaves, passes)?;
-        if let [_] = moves[..] {
-            return Ok((drawn, None));
-        }
         for (index, drawing) in drawn.into_iter().enumerate() {
             match drawings.get_mut(index) {
                 Some(total) => total.ms += drawing.ms,

@@ -94,7 +94,7 @@ impl State {
 }
 
 impl Refiner<'_> {
-    /// Estimates new faces, each with what it takes over, and queues them.
+    /// Estimates new faces, each with what it takes over, and queues those that are leaves.
     pub(super) fn judge(&mut self, faces: &[(u32, Inherited)]) {
         let states: Vec<State> = faces
             .par_iter()
@@ -106,7 +106,7 @@ impl Refiner<'_> {
                 };
                 let size = self.mesh.size(face);
                 if pixels == 0.0 {
-                    return State { size, ..State::default() };
+                    return State { deviation, size, ..State::default() };
                 }
                 let corners = self.mesh.faces[face as usize].corners.map(|v| self.corner(v));
                 let (guarded, clear) = self.guarded(face, corners, clear);
@@ -126,6 +126,9 @@ impl Refiner<'_> {
             .collect();
         for (&(face, _), state) in faces.iter().zip(states) {
             self.state[face as usize] = state;
+            if !self.mesh.faces[face as usize].is_leaf() {
+                continue;
+            }
             let color = state.deviation.color + GUARDED * state.guarded;
             self.predicted[face as usize] =
                 [state.deviation.shift, color].map(|square| square * state.pixels);

@@ -89,7 +89,7 @@ pub struct Refiner<'a> {
     pub mesh: Mesh,
     /// The samples of all its vertices.
     pub samples: Samples,
-    /// Faces whose pixels are traced, and those of them that were bisected for their neighbours' sake.
+    /// Faces whose pixels are traced; until they are united, also those of them that were bisected for their neighbours' sake.
     pub pixel_faces: Vec<u32>,
     /// Steps taken.
     pub steps: u32,
@@ -335,10 +335,8 @@ impl<'a> Refiner<'a> {
         for (split, edge) in splits.iter().zip(edges) {
             let State { clear, whole, .. } = self.state[split.face as usize];
             let inherited = Inherited { deviation: edge.scaled(INHERITED), clear, whole };
-            let leaves = self.mesh.faces[split.face as usize].halves().into_iter().flatten();
-            halves.extend(
-                leaves.filter(|&half| self.mesh.faces[half as usize].is_leaf()).map(|half| (half, inherited)),
-            );
+            let both = self.mesh.faces[split.face as usize].halves().into_iter().flatten();
+            halves.extend(both.map(|half| (half, inherited)));
         }
         self.judge(&halves);
         self.steps += 1;

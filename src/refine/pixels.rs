@@ -66,7 +66,7 @@ pub fn count(mesh: &Mesh, view: &View, shown: Shown, face: u32) -> Option<u32> {
 
 /// Estimated number of pixels that show `face`: its projected area times the share of points inside it at
 /// which its base face shows; where counts alone are known, times the share of the base face's area that does. And whether
-/// all these points show it, so that its halves need not be looked for.
+/// all these points show it: its halves are then not looked for, and what hides parts of them between the points is not seen.
 pub fn visible(mesh: &Mesh, view: &View, shown: Shown, face: u32) -> (f32, bool) {
     match shown {
         Shown::Image(ids) => visible_in_image(mesh, view, ids, face),

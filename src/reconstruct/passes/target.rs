@@ -8,12 +8,12 @@ use crate::gpu::{
     Recording, Targets,
 };
 
-/// Bytes of an image up to which pixels are divided into fragments of one draw.
+/// Bytes of images up to which pixels are divided into fragments of one draw.
 const MOST_BYTES: u64 = 1 << 30;
 
 /// What a target is made for.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub(super) struct TargetDesc {
+pub struct TargetDesc {
     /// Pixels across.
     pub width: u32,
     /// Pixels down.
@@ -27,6 +27,24 @@ pub(super) struct TargetDesc {
 }
 
 impl TargetDesc {
+    /// Bytes of all images, and of the staging buffer.
+    pub fn bytes(&self) -> u64 {
+        let multisampled = if self.samples > 1 { self.multisampled().bytes() } else { 0 };
+        let mean = if self.halvings > 0 { self.mean().bytes() } else { 0 };
+        let color = self.image("color", Format::Rgba16f).bytes();
+        color + mean + multisampled + self.depth_image().bytes() + self.mean().bytes()
+    }
+
+    /// The same with four times as many fragments, unless they had better be drawn in turns.
+    pub fn halved(self) -> Option<Self> {
+        let halved = Self { halvings: self.halvings + 1, ..self };
+        (halved.bytes() <= MOST_BYTES).then_some(halved)
+    }
+
+    fn mean(&self) -> ImageDesc<'static> {
+        ImageDesc::texture("mean color", Format::Rgba16f, (self.width, self.height), 1, false)
+    }
+
     fn image<'n>(&self, name: &'n str, format: Format) -> ImageDesc<'n> {
         ImageDesc::target(name, format, self.width << self.halvings, self.height << self.halvings)
     }
@@ -53,10 +71,10 @@ pub(super) struct Target {
 }
 
 impl Target {
-    /// Whether the device has such images, none of them larger than is reasonable.
+    /// Whether the device has images of this size.
     pub fn is_possible(gpu: &Gpu, desc: &TargetDesc) -> bool {
-        let images = [desc.multisampled(), desc.depth_image()];
-        images.iter().all(|image| image.bytes() <= MOST_BYTES && Image::is_supported(gpu, image))
+        let color = desc.image("color", Format::Rgba16f);
+        [color, desc.multisampled(), desc.depth_image()].iter().all(|image| Image::is_supported(gpu, image))
     }
 
     /// Makes the images; their content is undefined.
@@ -65,8 +83,7 @@ impl Target {
     /// A size that the device does not support; no memory left.
     pub fn new(gpu: &Arc<Gpu>, desc: TargetDesc) -> Result<Self> {
         let color = Image::new(gpu, &desc.image("color", Format::Rgba16f))?;
-        let mean = ImageDesc::texture("mean color", color.format(), (desc.width, desc.height), 1, false);
-        let mean = (desc.halvings > 0).then(|| Image::new(gpu, &mean)).transpose()?;
+        let mean = (desc.halvings > 0).then(|| Image::new(gpu, &desc.mean())).transpose()?;
         let multisampled = (desc.samples > 1).then(|| Image::new(gpu, &desc.multisampled())).transpose()?;
         let depth = Image::new(gpu, &desc.depth_image())?;
         let bytes = mean.as_ref().unwrap_or(&color).bytes();
@@ -93,5 +110,21 @@ impl Target {
         };
         let depth = Some(DepthTarget { image: &self.depth, clear });
         recording.render(&Targets { colors: &[color], depth }, work);
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn only_so_many_fragments_are_drawn_at_once() {
+        let desc = |width, height, samples| {
+            TargetDesc { width, height, halvings: 0, samples, depth: Format::Depth32f }.halved()
+        };
+        assert_eq!(desc(3840, 2160, 1).map(|desc| desc.halvings), Some(1));
+        assert_eq!(desc(3840, 2160, 4), None);
+        assert_eq!(desc(16384, 16384, 1), None);
+        assert!(desc(1, 1, 4).is_some());
     }
 }
