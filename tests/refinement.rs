@@ -124,6 +124,8 @@ struct Refined {
     faces_before: usize,
     positions: Vec<glam::Vec3>,
     leaves: Vec<[u32; 3]>,
+    /// Leaves before they were united.
+    refined: usize,
     rays: u64,
 }
 
@@ -153,22 +155,29 @@ fn refined(threads: usize) -> Refined {
         let mut refiner = Refiner::new(&context, &predictor, mesh, Shown::Image(image), None);
         let effort = EffortOptions { max_samples: Some(24_000), ..EffortOptions::default() };
         refiner.run(&effort, std::time::Instant::now(), |_| Ok::<_, ()>(())).unwrap();
+        refiner.mesh.validate();
+        let refined = refiner.mesh.leaves().count();
+        refiner.unite();
         let mesh = &refiner.mesh;
         mesh.validate();
+        let united = mesh.leaves().count();
+        assert!(united < refined * 9 / 10, "{refined} leaves, {united} once united");
+        assert!(refiner.pixel_faces.iter().all(|&face| mesh.faces[face as usize].is_leaf()));
         let leaves = mesh.leaves().map(|face| mesh.faces[face as usize].corners).collect();
-        Refined { faces_before, positions: mesh.points.clone(), leaves, rays: refiner.samples.rays.total() }
+        Refined {
+            faces_before,
+            refined,
+            positions: mesh.points.clone(),
+            leaves,
+            rays: refiner.samples.rays.total(),
+        }
     })
 }
 
 #[test]
 fn refinement_does_not_depend_on_threads() {
     let one = refined(1);
-    assert!(
-        one.leaves.len() > 2 * one.faces_before,
-        "{} faces became {} leaves",
-        one.faces_before,
-        one.leaves.len()
-    );
+    assert!(one.refined > 2 * one.faces_before, "{} faces became {} leaves", one.faces_before, one.refined);
     assert_eq!(one, refined(2));
     assert_eq!(one, refined(7));
 }

@@ -12,17 +12,14 @@ use super::frame_block::FrameBlock;
 use super::leaves::Group;
 use super::readback::{self, PendingImage, PictureRing};
 use super::table::SceneTable;
-use super::vertex::VertexLayout;
 use crate::constants::*;
 use crate::error::Result;
 use crate::gpu::{
-    Binding, Blend, Commands, Cull, DepthMode, DescriptorSet, DeviceBuffer, Draws, Format, Gpu, GraphicsDesc,
-    GraphicsPipeline, Resource, SetLayout, Shader, StencilMode, Uploads,
+    Binding, Commands, DescriptorSet, DeviceBuffer, Draws, Format, Gpu, GraphicsPipeline, Resource,
+    SetLayout, Uploads,
 };
-use crate::options::{Equation, Reconstruction};
 use crate::report::image::FloatImage;
 use crate::scene::frustum::Frustum;
-use crate::spirv;
 use crate::visibility::clusters;
 
 /// Bindings of set 0: what all draws of a scene read.
@@ -47,11 +44,13 @@ pub const ARRAY_BINDINGS: [Binding; 3] = [
 mod base_image;
 mod describe;
 mod list;
+mod pipelines;
 mod target;
 
 pub use describe::{BaseDraw, BaseFaces, ColorPass, Drawing, PassOptions, color_passes};
 use list::LeafList;
 pub use list::list_bytes;
+use pipelines::{PipelineKey, leaf_key};
 use target::Target;
 pub use target::TargetDesc;
 
@@ -66,36 +65,6 @@ pub fn staging_bytes(leaves: bool, fixed: u64) -> u64 {
 /// Format of the depth image; a single pass marks pixels in its stencil.
 pub fn depth_format(single_pass: bool) -> Format {
     if single_pass { Format::Depth32fStencil8 } else { Format::Depth32f }
-}
-
-/// What a pipeline is made for.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
-struct PipelineKey {
-    reconstruction: Reconstruction,
-    leaves: u32,
-    mixed: bool,
-    components: u32,
-    blend: PassBlend,
-    cull: bool,
-    mark: Mark,
-}
-
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
-enum PassBlend {
-    First,
-    Later,
-    Coverage,
-}
-
-/// What a draw has to do with the mark on pixels of faces that need samples (single-pass visibility).
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
-enum Mark {
-    /// Nothing.
-    Ignored,
-    /// Sets it, or not, where it draws.
-    Set(bool),
-    /// Draws where it is set.
-    Needed,
 }
 
 /// Draws the frames of one scene.
@@ -212,21 +181,6 @@ impl Painter {
     /// Lets draws touch a single pixel until this is taken back: what they need is compiled, next to nothing drawn.
     pub fn touch_only(&mut self, touch: bool) {
         self.touch_only = touch;
-    }
-
-    fn base_key(&self, draw: &BaseDraw) -> PipelineKey {
-        PipelineKey {
-            reconstruction: Reconstruction::Exact,
-            leaves: LEAVES_PLAIN,
-            mixed: false,
-            components: self.options.passes.first().map_or(COMPONENT_PRIMARY, |pass| pass.components),
-            blend: if draw.blended { PassBlend::Coverage } else { PassBlend::First },
-            cull: draw.cull,
-            mark: match self.options.single_pass && !draw.blended {
-                true => Mark::Set(draw.marked),
-                false => Mark::Ignored,
-            },
-        }
     }
 
     /// Draws the frame in `passes`, all or some of the options'; the leaves are those of the last
@@ -438,54 +392,6 @@ impl Painter {
     fn depth_format(&self) -> Format {
         depth_format(self.options.single_pass)
     }
-
-    fn pipeline(&mut self, key: PipelineKey) -> Result<()> {
-        if self.pipelines.contains_key(&key) {
-            return Ok(());
-        }
-        let mut constants = vec![
-            (0, self.bank.arrays()),
-            (1, self.options.features),
-            (2, key.leaves),
-            (3, key.components),
-            (4, u32::from(self.options.equation == Equation::Four)),
-            (5, self.options.lights),
-            (9, u32::from(key.mixed)),
-            (10, u32::from(matches!(key.mark, Mark::Set(_)))),
-        ];
-        constants.extend(VertexLayout::of(self.options.features).constants());
-        let stencil = match key.mark {
-            Mark::Ignored => StencilMode::Off,
-            Mark::Set(marked) => StencilMode::Mark(marked.into()),
-            Mark::Needed => StencilMode::Test(1),
-        };
-        let (blend, depth) = match key.blend {
-            PassBlend::First => (Blend::Replace, DepthMode::Write),
-            PassBlend::Later => (Blend::Add, DepthMode::Equal),
-            PassBlend::Coverage => (Blend::Over, DepthMode::Test),
-        };
-        let (vertex, fragment): (&[u8], &[u8]) = match key.reconstruction {
-            Reconstruction::Exact => (spirv!("leaf.vert"), spirv!("exact.frag")),
-            Reconstruction::Paper => (spirv!("paper.vert"), spirv!("paper.frag")),
-        };
-        let pipeline = GraphicsPipeline::new(
-            &self.gpu,
-            &GraphicsDesc {
-                vertex: Shader { spirv: vertex, constants: &constants },
-                fragment: Shader { spirv: fragment, constants: &constants },
-                sets: &[&self.layouts[0], &self.layouts[1], &self.layouts[2]],
-                colors: &[(Format::Rgba16f, blend)],
-                depth_format: Some(self.depth_format()),
-                depth,
-                stencil,
-                cull: if key.cull { Cull::Back } else { Cull::None },
-                samples: self.options.samples,
-                ..GraphicsDesc::opaque("leaves", vertex, fragment)
-            },
-        )?;
-        self.pipelines.insert(key, pipeline);
-        Ok(())
-    }
 }
 
 /// Consecutive leaves of one group.
@@ -515,18 +421,6 @@ fn drawn(index: usize, kind: u32) -> bool {
 /// The arrays that are bound for a group: any where it needs none or several.
 fn bound_arrays(arrays: [u32; 3]) -> [u32; 3] {
     arrays.map(|array| if array == MIXED_ARRAYS { 0 } else { array })
-}
-
-fn leaf_key(options: &PassOptions, pass: ColorPass, index: usize, group: Group) -> PipelineKey {
-    PipelineKey {
-        reconstruction: options.reconstruction,
-        leaves: group.kind,
-        mixed: group.arrays[2] == MIXED_ARRAYS,
-        components: pass.components,
-        blend: if index == 0 { PassBlend::First } else { PassBlend::Later },
-        cull: false,
-        mark: if options.single_pass { Mark::Needed } else { Mark::Ignored },
-    }
 }
 
 fn record_base(
