@@ -382,9 +382,9 @@ fn anti_aliasing_adds_no_ray() {
     gpu.finish();
 }
 
-// Their colour is that of their centre otherwise, whatever else of the picture is smooth.
+// Their colour is that of their centre otherwise, whatever else of the picture is smooth. Most of what is near is plain.
 #[test]
-fn traced_pixels_take_as_many_samples_as_asked() {
+fn traced_pixels_take_more_samples_where_they_differ() {
     let gpu = TestGpu::open();
     let scenes = [("cup", Demo::Cup.scene()), ("faces of few pixels", stress::wavy_mirror(120_000).unwrap())];
     for (name, scene) in scenes {
@@ -401,7 +401,8 @@ fn traced_pixels_take_as_many_samples_as_asked() {
         assert_eq!(one.stats.samples, sixteen.stats.samples, "vertices are the same");
         let (few, many) = (one.stats.rays.pixel, sixteen.stats.rays.pixel);
         // A primary ray each besides, where no leaf says what a sample shows.
-        assert!((10 * few..=20 * few).contains(&many), "{few} rays of pixels became {many}");
+        println!("{name}: {few} rays of pixels became {many}");
+        assert!((2 * few..=20 * few).contains(&many), "{few} rays of pixels became {many}");
     }
     gpu.finish();
 }

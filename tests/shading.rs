@@ -6,11 +6,13 @@ use std::sync::{Arc, atomic::AtomicBool};
 use glam::{Affine2, DVec3, Vec2, Vec3, Vec4};
 use vertex_tracing::constants::{DEFAULT_AMBIENT, REFLECTION_LIFT};
 use vertex_tracing::error::Error;
+use vertex_tracing::scene::demo::Demo;
 use vertex_tracing::scene::{
     AlphaMode, Background, Camera, Environment, Filter, Geometry, Image, Light, LightKind, Material, Object,
     Projection, Sampler, Scene, Texture, TextureSlot, View, Volume, Wrap,
 };
 use vertex_tracing::trace::optics::{self, BranchKind};
+use vertex_tracing::trace::wave::Points;
 use vertex_tracing::trace::{Appearance, Rays, Settings, Shadows, Surface, Tracer, reference, shade, texel};
 
 /// Nothing dropped, every path followed until its rest is below single precision.
@@ -655,6 +657,44 @@ fn the_reference_traces_tiles_as_it_traces_single_rays() {
         }
         assert_eq!(rays, traced.rays);
         assert!(rays.shadow > 5000 && rays.reflected > 100, "{rays:?}");
+    }
+}
+
+/// Waves of rays show what each ray alone does, by as many rays: also through glass, where histories part.
+#[test]
+fn points_are_seen_together_as_alone() {
+    for demo in [Demo::GlassBowl, Demo::CupAndGlass, Demo::MirrorAndWall] {
+        let scene = demo.scene();
+        let tracer = Tracer::new(&scene);
+        let view = View::new(&scene.cameras[0], 61, 43, scene.bounds());
+        for settings in
+            [Settings::default(), Settings { depth: 2, shadows: Shadows::Vt, ..Settings::default() }]
+        {
+            let mut points = Points::new(&tracer, &settings);
+            let mut rays = Rays::default();
+            for band in (0..view.height).collect::<Vec<_>>().chunks(8) {
+                let centres =
+                    band.iter().flat_map(|&y| (0..view.width).map(move |x| Vec2::new(x as f32, y as f32)));
+                let seen = centres.filter_map(|corner| {
+                    let (origin, direction) = view.ray(corner + 0.5);
+                    Some((origin, direction, tracer.closest(origin, direction)?))
+                });
+                let seen: Vec<_> = seen.collect();
+                seen.iter().for_each(|&(_, direction, hit)| points.add(direction, hit));
+                let together: Vec<Vec3> = points.radiances().collect();
+                assert_eq!(together.len(), seen.len());
+                for (&(origin, direction, _), together) in seen.iter().zip(together) {
+                    let (alone, its_rays) = reference::radiance(&tracer, &settings, origin, direction);
+                    assert!(
+                        together.abs_diff_eq(alone, 1e-5 * (1.0 + alone.max_element())),
+                        "{together} {alone}"
+                    );
+                    rays += Rays { primary: 0, ..its_rays };
+                }
+            }
+            assert_eq!(points.rays(), rays);
+            assert!(rays.reflected > 100, "{rays:?}");
+        }
     }
 }
 

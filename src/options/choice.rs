@@ -118,8 +118,8 @@ choices! {
     PixelSamples {
         #[default]
         One = "1": "one, at its centre",
-        Four = "4": "the mean of four",
-        Sixteen = "16": "the mean of sixteen",
+        Four = "4": "four more where it differs from a pixel beside it",
+        Sixteen = "16": "after these four sixteen more where it still does",
     }
     /// A picture of the method's data in place of the rendered image.
     Show {
@@ -155,7 +155,7 @@ impl Msaa {
 }
 
 impl PixelSamples {
-    /// Their number, a square.
+    /// Most that one round of further samples takes, a square; 1 without any.
     pub fn samples(self) -> u32 {
         match self {
             Self::One => 1,

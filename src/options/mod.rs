@@ -77,7 +77,7 @@ pub struct MethodOptions {
     pub msaa: Msaa,
     /// Shaded samples a pixel.
     pub ss: Ss,
-    /// Samples of each pixel that is traced by itself; against a budget each such pixel counts once.
+    /// Samples of pixels that are traced by themselves; against a budget each such pixel counts once.
     pub pixel_samples: PixelSamples,
     /// Texture filter.
     pub filter: FilterMode,

@@ -7,11 +7,12 @@ use glam::{Vec2, Vec3};
 use rayon::prelude::*;
 
 use super::per_pixel;
+use super::smooth::{Smooth, smooth};
 use super::store::PixelStore;
 use crate::scene::{Scene, View};
 use crate::trace::Rays;
-use crate::trace::reference::sample_pattern;
 use crate::trace::sample::Context;
+use crate::trace::wave::Points;
 use crate::visibility::{Class, Found, IdImage};
 
 /// Number of such faces from which leaving them out of the mesh is worth a picture of the frame's size.
@@ -21,8 +22,8 @@ const MANY: usize = 16_384;
 /// takes to be refined and drawn.
 const FEW_PIXELS: u32 = 8;
 
-/// Rows that one task traces.
-const ROWS: usize = 8;
+/// Rows that one task traces, and columns that it traces together.
+const TILE: usize = 8;
 
 /// Share of the way from the eye to the nearest of these faces at which their picture is drawn: before all that they hide.
 const BEFORE: f32 = 0.5;
@@ -32,6 +33,8 @@ const BEFORE: f32 = 0.5;
 pub struct DirectPixel {
     /// `y · width + x`.
     pub index: u32,
+    /// The scene's face that it shows.
+    pub base: u32,
     /// Linear radiance.
     pub radiance: Vec3,
 }
@@ -107,8 +110,8 @@ impl Direct {
     }
 
     /// Traces their pixels in `ids`, row by row; where they are more than `most`, those of some rows alone, about as many.
-    /// Pixels that `store` knows are not traced, and it learns the others; of several samples a pixel those count that show
-    /// one of these faces, and no store is asked.
+    /// Pixels that `store` knows are not traced, and it learns the others; where several samples a pixel are asked for and
+    /// worth it, those count that show one of these faces, and no store is asked.
     pub fn trace(
         &self,
         context: &Context,
@@ -116,55 +119,80 @@ impl Direct {
         most: u64,
         store: Option<&mut PixelStore>,
     ) -> (Vec<DirectPixel>, Rays) {
-        let pattern = sample_pattern(context.settings.pixel_samples);
-        let mut store = store.filter(|_| pattern.len() == 1);
+        let mut store = store.filter(|_| context.settings.pixel_samples == 1);
         let Some(ids) = ids.filter(|_| !self.is_empty()) else { return Default::default() };
         if let Some(store) = &mut store {
             store.look_at(context.view);
         }
         let known = store.as_deref();
-        let width = context.view.width;
         let stride = self.pixels.div_ceil(most).max(1) as usize;
-        let chunks: Vec<(Vec<(u32, DirectPixel)>, Rays)> = (0..context.view.height)
-            .step_by(stride)
-            .collect::<Vec<_>>()
-            .par_chunks(ROWS)
-            .map(|rows| {
-                let (mut pixels, mut rays, mut nodes) = (Vec::new(), Rays::default(), Vec::new());
-                for (x, y) in rows.iter().flat_map(|&y| (0..width).map(move |x| (x, y))) {
-                    let Some(base) = ids.face(x, y).filter(|&base| self.is(base)) else { continue };
-                    let index = y * width + x;
-                    let (origin, direction) = context.view.ray(Vec2::new(x as f32, y as f32) + 0.5);
-                    let kept = known.and_then(|known| known.get(index, base));
-                    let mut several = || {
-                        per_pixel::mean(pattern.iter().filter_map(|&inside| {
-                            let ray = context.view.ray(Vec2::new(x as f32, y as f32) + inside);
-                            rays.primary += 1;
-                            let hit = context.tracer.closest(ray.0, ray.1).filter(|hit| self.is(hit.face))?;
-                            per_pixel::radiance(context, hit.face, ray, &mut nodes, &mut rays)
-                        }))
-                    };
-                    let seen = kept.or_else(|| if pattern.len() > 1 { several() } else { None });
-                    let radiance = seen.or_else(|| {
-                        per_pixel::radiance(context, base, (origin, direction), &mut nodes, &mut rays)
-                    });
-                    let radiance = radiance.unwrap_or(Vec3::ZERO);
-                    pixels.push((base, DirectPixel { index, radiance }));
-                }
-                (pixels, rays)
-            })
-            .collect();
+        let rows: Vec<u32> = (0..context.view.height).step_by(stride).collect();
+        let bands: Vec<(Vec<DirectPixel>, Rays)> =
+            rows.par_chunks(TILE).map(|rows| self.trace_band(context, ids, rows, known)).collect();
         let mut total = Rays::default();
-        let mut all = Vec::new();
-        for (pixels, rays) in chunks {
+        let mut all = Vec::with_capacity(bands.iter().map(|(pixels, _)| pixels.len()).sum());
+        for (pixels, rays) in bands {
             total += rays;
-            if let Some(store) = &mut store {
-                for &(base, DirectPixel { index, radiance }) in &pixels {
-                    store.insert(index, base, radiance);
-                }
-            }
-            all.extend(pixels.into_iter().map(|(_, pixel)| pixel));
+            all.extend(pixels);
         }
+        if let Some(store) = store {
+            for &DirectPixel { index, base, radiance } in &all {
+                store.insert(index, base, radiance);
+            }
+        }
+        total += smooth(
+            context,
+            &mut all,
+            |pixel| (pixel.index, pixel.radiance),
+            |pixels, smooth| self.smooth(context, pixels, smooth),
+        );
         (all, total)
+    }
+
+    /// One sample of each pixel in neighbouring `rows`.
+    fn trace_band(
+        &self,
+        context: &Context,
+        ids: IdImage,
+        rows: &[u32],
+        known: Option<&PixelStore>,
+    ) -> (Vec<DirectPixel>, Rays) {
+        let Context { tracer, settings, view, .. } = *context;
+        let (mut pixels, mut pending) = (Vec::new(), Vec::new());
+        let mut points = Points::new(tracer, settings);
+        for left in (0..view.width).step_by(TILE) {
+            let columns = left..(left + TILE as u32).min(view.width);
+            for (x, y) in rows.iter().flat_map(|&y| columns.clone().map(move |x| (x, y))) {
+                let Some(base) = ids.face(x, y).filter(|&base| self.is(base)) else { continue };
+                let index = y * view.width + x;
+                let kept = known.and_then(|known| known.get(index, base));
+                if kept.is_none() {
+                    let ray = view.ray(Vec2::new(x as f32, y as f32) + 0.5);
+                    if let Some(hit) = per_pixel::point_on(context, base, ray) {
+                        pending.push(pixels.len());
+                        points.add(ray.1, hit);
+                    }
+                }
+                pixels.push(DirectPixel { index, base, radiance: kept.unwrap_or(Vec3::ZERO) });
+            }
+            for (pixel, radiance) in pending.drain(..).zip(points.radiances()) {
+                pixels[pixel].radiance = radiance;
+            }
+        }
+        (pixels, points.rays())
+    }
+
+    /// Takes further samples of those `pixels` that are worth it.
+    fn smooth(&self, context: &Context, pixels: &mut [DirectPixel], smooth: &Smooth) -> Rays {
+        let Context { tracer, settings, view, .. } = *context;
+        let mut points = Points::new(tracer, settings);
+        let mut rays = Rays::default();
+        let pixels = pixels.iter_mut().map(|pixel| (pixel.index, &mut pixel.radiance));
+        smooth.sample(pixels, &mut points, |point| {
+            let (origin, direction) = view.ray(point);
+            rays.primary += 1;
+            Some((direction, tracer.closest(origin, direction).filter(|hit| self.is(hit.face))?))
+        });
+        rays + points.rays()
     }
 }

@@ -6,10 +6,11 @@ use rayon::prelude::*;
 use super::footprint::{Footprint, ROUNDING};
 use super::mesh::Mesh;
 use super::pixels::Shown;
+use super::smooth::{Smooth, smooth};
 use super::store::PixelStore;
-use crate::trace::reference::sample_pattern;
-use crate::trace::sample::{self, Context};
-use crate::trace::{Rays, Surface};
+use crate::trace::sample::Context;
+use crate::trace::wave::Points;
+use crate::trace::{Hit, Rays};
 
 /// Leaves whose pixels one task traces.
 const CHUNK: usize = 16;
@@ -37,7 +38,8 @@ pub struct TracedPixel {
 /// there. An image of the faces says where it does; without one, a primary ray a pixel. Pixels that `store` knows are
 /// not traced, and it learns the others. Pixels of one face come together, row by row.
 ///
-/// Of several samples a pixel those count that lie in the leaf, and no store is asked.
+/// Where several samples a pixel are asked for, and its colour says that they are worth it, those count that lie in the
+/// leaf, and no store is asked.
 pub fn trace(
     context: &Context,
     mesh: &Mesh,
@@ -45,31 +47,31 @@ pub fn trace(
     faces: &[u32],
     store: Option<&mut PixelStore>,
 ) -> (Vec<TracedPixel>, Rays) {
-    let pattern = sample_pattern(context.settings.pixel_samples);
-    let mut store = store.filter(|_| pattern.len() == 1);
+    let mut store = store.filter(|_| context.settings.pixel_samples == 1);
     if let Some(store) = &mut store {
         store.look_at(context.view);
     }
-    let pass = Pass { context, mesh, shown, known: store.as_deref(), pattern: &pattern };
+    let pass = Pass { context, mesh, shown, known: None };
+    let first = Pass { known: store.as_deref(), ..pass };
     let mut faces: Vec<u32> =
         faces.iter().copied().filter(|&face| mesh.faces[face as usize].is_leaf()).collect();
     faces.sort_by_cached_key(|&face| {
         let Footprint { columns, rows, .. } = Footprint::new(mesh, context.view, face);
         (rows.start / TILE, columns.start / TILE, face)
     });
-    let chunks: Vec<Chunk> = faces
+    let chunks: Vec<(Vec<TracedPixel>, Rays)> = faces
         .par_chunks(CHUNK)
         .map(|faces| {
-            let mut chunk = Chunk::default();
+            let mut chunk = Chunk::new(context);
             for &face in faces {
-                pass.trace_face(face, &mut chunk);
+                first.trace_face(face, &mut chunk);
             }
-            chunk
+            (chunk.pixels, chunk.primary + chunk.points.rays())
         })
         .collect();
-    let mut all = Vec::with_capacity(chunks.iter().map(|chunk| chunk.pixels.len()).sum());
+    let mut all = Vec::with_capacity(chunks.iter().map(|(pixels, _)| pixels.len()).sum());
     let mut total = Rays::default();
-    for Chunk { pixels, rays, .. } in chunks {
+    for (pixels, rays) in chunks {
         all.extend(pixels);
         total += rays;
     }
@@ -78,31 +80,51 @@ pub fn trace(
             store.insert(pixel.index, pixel.base, pixel.radiance);
         }
     }
+    total += smooth(
+        context,
+        &mut all,
+        |pixel| (pixel.index, pixel.radiance),
+        |pixels, smooth| {
+            let mut chunk = Chunk::new(context);
+            for pixels in pixels.chunk_by_mut(|a, b| a.face == b.face) {
+                pass.smooth(pixels, smooth, &mut chunk);
+            }
+            chunk.primary + chunk.points.rays()
+        },
+    );
     (all, total)
 }
 
 /// The pixels of some leaves.
-#[derive(Default)]
-struct Chunk {
+struct Chunk<'c> {
     pixels: Vec<TracedPixel>,
-    rays: Rays,
-    /// Nodes of the sample at hand.
-    nodes: Vec<sample::Node>,
+    /// Those of `pixels` that are to be traced.
+    pending: Vec<usize>,
+    /// What they show.
+    points: Points<'c, 'c>,
+    /// Rays to find that.
+    primary: Rays,
+}
+
+impl<'c> Chunk<'c> {
+    fn new(context: &'c Context) -> Self {
+        let points = Points::new(context.tracer, context.settings);
+        Self { pixels: Vec::new(), pending: Vec::new(), points, primary: Rays::default() }
+    }
 }
 
 /// What tracing pixels takes.
+#[derive(Clone, Copy)]
 struct Pass<'a> {
     context: &'a Context<'a>,
     mesh: &'a Mesh,
     shown: Shown<'a>,
     known: Option<&'a PixelStore>,
-    /// Where the samples of a pixel lie in it.
-    pattern: &'a [Vec2],
 }
 
 impl Pass<'_> {
     fn trace_face(&self, face: u32, chunk: &mut Chunk) {
-        let Self { context: &Context { view, .. }, mesh, shown, known, pattern } = *self;
+        let Self { context: &Context { view, .. }, mesh, shown, known } = *self;
         let base = mesh.faces[face as usize].base;
         let footprint = Footprint::new(mesh, view, face);
         for y in footprint.rows.clone() {
@@ -110,8 +132,7 @@ impl Pass<'_> {
                 if matches!(shown, Shown::Image(ids) if ids.face(x, y) != Some(base)) {
                     continue;
                 }
-                let corner = Vec2::new(x as f32, y as f32);
-                let centre = view.ray(corner + 0.5);
+                let centre = view.ray(Vec2::new(x as f32, y as f32) + 0.5);
                 // Near its sides the refined mesh says to which leaf a centre belongs: to one alone.
                 if footprint.inside(x, y) < CERTAIN {
                     let image = if view.orthographic { mesh.image_of(centre.0) } else { centre.1 };
@@ -121,53 +142,46 @@ impl Pass<'_> {
                 }
                 let index = y * view.width + x;
                 let kept = known.and_then(|known| known.get(index, base));
-                let mut several = || {
-                    let points = pattern.iter().map(|&inside| corner + inside);
-                    let within = points.filter(|&point| footprint.inside_at(point) >= 0.0);
-                    mean(within.filter_map(|point| self.radiance(base, view.ray(point), chunk)))
-                };
-                let seen = kept.or_else(|| if pattern.len() > 1 { several() } else { None });
-                let radiance = seen.or_else(|| self.radiance(base, centre, chunk));
-                chunk.pixels.extend(radiance.map(|radiance| TracedPixel { index, face, base, radiance }));
+                if kept.is_none() {
+                    let Some(hit) = self.hit(base, centre, &mut chunk.primary) else { continue };
+                    chunk.pending.push(chunk.pixels.len());
+                    chunk.points.add(centre.1, hit);
+                }
+                let radiance = kept.unwrap_or(Vec3::ZERO);
+                chunk.pixels.push(TracedPixel { index, face, base, radiance });
             }
         }
-    }
-
-    /// What a view ray sees of base face `base`, if it shows there.
-    fn radiance(&self, base: u32, ray: (Vec3, Vec3), chunk: &mut Chunk) -> Option<Vec3> {
-        let Chunk { rays, nodes, .. } = chunk;
-        if matches!(self.shown, Shown::Counts(_)) {
-            rays.primary += 1;
-            self.context.tracer.closest(ray.0, ray.1).filter(|hit| hit.face == base)?;
+        for (pixel, radiance) in chunk.pending.drain(..).zip(chunk.points.radiances()) {
+            chunk.pixels[pixel].radiance = radiance;
         }
-        radiance(self.context, base, ray, nodes, rays)
+    }
+
+    /// Takes further samples of those `pixels` of one leaf that are worth it.
+    fn smooth(&self, pixels: &mut [TracedPixel], smooth: &Smooth, chunk: &mut Chunk) {
+        let Self { context: &Context { view, .. }, mesh, .. } = *self;
+        let [TracedPixel { face, base, .. }, ..] = *pixels else { return };
+        let footprint = Footprint::new(mesh, view, face);
+        let Chunk { points, primary, .. } = chunk;
+        let pixels = pixels.iter_mut().map(|pixel| (pixel.index, &mut pixel.radiance));
+        smooth.sample(pixels, points, |point| {
+            let ray = view.ray(point);
+            let is_inside = footprint.inside_at(point) >= 0.0;
+            Some((ray.1, is_inside.then(|| self.hit(base, ray, primary)).flatten()?))
+        });
+    }
+
+    /// The point of base face `base` under a view ray, if it shows there.
+    fn hit(&self, base: u32, ray: (Vec3, Vec3), primary: &mut Rays) -> Option<Hit> {
+        if matches!(self.shown, Shown::Counts(_)) {
+            primary.primary += 1;
+            return self.context.tracer.closest(ray.0, ray.1).filter(|hit| hit.face == base);
+        }
+        point_on(self.context, base, ray)
     }
 }
 
-/// Mean of some radiances; `None` of none.
-pub(super) fn mean(radiances: impl Iterator<Item = Vec3>) -> Option<Vec3> {
-    let (sum, count) = radiances.fold((Vec3::ZERO, 0), |(sum, count), radiance| (sum + radiance, count + 1));
-    (count > 0).then(|| sum / count as f32)
-}
-
-/// What a view ray, origin and direction, sees of base face `base`; `None` if that has no area. `nodes` is room to work in.
-pub(super) fn radiance(
-    context: &Context,
-    base: u32,
-    (origin, direction): (Vec3, Vec3),
-    nodes: &mut Vec<sample::Node>,
-    rays: &mut Rays,
-) -> Option<Vec3> {
-    let surface = surface_at(context, base, origin, direction)?;
-    nodes.clear();
-    let from_eye = context.view.distance_to(surface.position);
-    let primary = sample::trace_surface(context, &surface, direction, from_eye, nodes, rays);
-    let own = primary.local.radiance(primary.texel);
-    Some(nodes.iter().fold(own, |sum, node| sum + node.radiance()))
-}
-
-/// The point of base face `base` under a view ray.
-fn surface_at(context: &Context, base: u32, origin: Vec3, direction: Vec3) -> Option<Surface> {
+/// The point of base face `base` under a view ray, origin and direction; `None` if that has no area.
+pub(super) fn point_on(context: &Context, base: u32, (origin, direction): (Vec3, Vec3)) -> Option<Hit> {
     let [a, b, c] = context.tracer.scene().geometry.corners(base);
     let (e1, e2) = (b - a, c - a);
     let p = direction.cross(e2);
@@ -175,9 +189,9 @@ fn surface_at(context: &Context, base: u32, origin: Vec3, direction: Vec3) -> Op
     if determinant == 0.0 {
         return None;
     }
-    let t = origin - a;
-    let q = t.cross(e1);
-    let u = (t.dot(p) / determinant).clamp(0.0, 1.0);
+    let from_corner = origin - a;
+    let q = from_corner.cross(e1);
+    let u = (from_corner.dot(p) / determinant).clamp(0.0, 1.0);
     let v = (direction.dot(q) / determinant).clamp(0.0, 1.0 - u);
-    Some(Surface::new(context.tracer, base, u, v, direction))
+    Some(Hit { face: base, t: e2.dot(q) / determinant, u, v })
 }

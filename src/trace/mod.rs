@@ -12,6 +12,7 @@ pub mod shade;
 mod shaft;
 pub mod surface;
 pub mod texel;
+pub mod wave;
 mod wide;
 
 use std::ops::{Add, AddAssign};
@@ -33,7 +34,8 @@ pub struct Settings {
     pub shadows: Shadows,
     /// Whether metals follow Schlick's approximation instead of the paper's constant k_r (Eq. 1).
     pub fresnel: bool,
-    /// Samples of each pixel that is traced by itself, a square number; the reference tracer is told its own.
+    /// Most further samples in one round of a pixel that is traced by itself, a square number; 1 without any. The
+    /// reference tracer is told its own.
     pub pixel_samples: u32,
 }
 

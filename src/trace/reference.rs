@@ -154,7 +154,7 @@ impl Tile {
         for &(origin, direction) in &self.rays {
             self.hits.push((direction, tracer.closest_among(&self.entries, origin, direction)));
         }
-        self.shafts.find(tracer, settings, self.hits.iter());
+        self.shafts.find(tracer, settings, 0, self.hits.iter());
     }
 }
 

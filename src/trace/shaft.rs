@@ -13,11 +13,12 @@ use super::{
 pub(super) struct Shafts(Vec<EntryPoints>);
 
 impl Shafts {
-    /// Makes them those of the shadow rays from what camera rays of the given directions hit.
+    /// Makes them those of the shadow rays from what rays of the given directions hit, after `bounces` specular bounces.
     pub fn find<'h>(
         &mut self,
         tracer: &Tracer,
         settings: &Settings,
+        bounces: u32,
         hits: impl Iterator<Item = &'h (Vec3, Option<Hit>)>,
     ) {
         let (mut low, mut high) = (Vec3::INFINITY, Vec3::NEG_INFINITY);
@@ -25,7 +26,7 @@ impl Shafts {
         for (direction, hit) in hits {
             let Some(hit) = hit else { continue };
             let record = tracer.record(hit.face);
-            if record.scatters && settings.shadows.apply(record.vt, 0) {
+            if record.scatters && settings.shadows.apply(record.vt, bounces) {
                 let origin = record.front(hit.u, hit.v, *direction);
                 (low, high) = (low.min(origin), high.max(origin));
                 count += 1;
