@@ -254,7 +254,7 @@ fn a_larger_error_takes_fewer_rays() {
         let mut options = options(320, 256);
         let truth = traced(&scene, &options, 1, None);
         let mut before = (u64::MAX, 0.0);
-        for error in [0.5, 8.0] {
+        for error in [0.5, 32.0] {
             options.effort.error = error;
             let frame = gpu.render(&scene, &options);
             let (rays, rmse) = (frame.stats.rays.total, over_vt(&frame, &options, &truth).rmse);

@@ -76,7 +76,12 @@ fn the_ladder_costs_what_it_uses_and_looks_the_same() {
             assert!(names(&everything).iter().any(|name| name.contains("ID buffer")));
         }
         // Apart from glass in the mirror's place, every rung needs what those below it need.
-        assert!(less.bytes >= last.bytes || rung == Rung::Glass || rung == Rung::Lights, "{name}");
+        assert!(
+            less.bytes >= last.bytes || rung == Rung::Glass || rung == Rung::Lights,
+            "{name}: {} bytes after {}",
+            less.bytes,
+            last.bytes
+        );
         last = less;
     }
 }

@@ -153,7 +153,7 @@ fn refined(threads: usize) -> Refined {
         let image = IdImage { width: view.width, height: view.height, pixels: &ids };
         let faces_before = mesh.faces.len();
         let mut refiner = Refiner::new(&context, &predictor, mesh, Shown::Image(image), None);
-        let effort = EffortOptions { max_samples: Some(24_000), ..EffortOptions::default() };
+        let effort = EffortOptions::default();
         refiner.run(&effort, std::time::Instant::now(), |_| Ok::<_, ()>(())).unwrap();
         refiner.mesh.validate();
         let refined = refiner.mesh.leaves().count();

@@ -107,7 +107,7 @@ pub struct EffortArgs {
     #[arg(long, conflicts_with_all = ["error", "max_samples", "budget"])]
     pub preview: bool,
     /// Refine until reflections are predicted to be displaced by no more than this, and colours to be off by no more
-    /// than 0.001 of it
+    /// than 0.0003 of it
     #[arg(long, value_name = "PIXELS", default_value_t = EffortOptions::default().error, value_parser = values::non_negative)]
     pub error: f32,
     /// Trace no more vertices, and pixels by themselves, than this

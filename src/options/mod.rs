@@ -107,7 +107,7 @@ impl Default for MethodOptions {
 pub struct EffortOptions {
     /// Primary vertices only, no refinement step.
     pub preview: bool,
-    /// Predicted RMS displacement of what is reflected, in pixels over VT pixels (design §6); 0.001 of it also bounds
+    /// Predicted RMS displacement of what is reflected, in pixels over VT pixels (design §6); 0.0003 of it also bounds
     /// the predicted RMS error of linear radiance, since not all errors are displacements.
     pub error: f32,
     /// Most vertices to trace, and pixels that are traced by themselves.

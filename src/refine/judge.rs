@@ -18,6 +18,10 @@ const EXPLORE_PIXELS: f32 = 3000.0;
 /// was looked at: whatever corners predict, a larger one may hide anything.
 const BLIND: f32 = 0.1;
 
+/// Squared error expected of each pixel of a face of that size for what its samples do not say; less of a smaller one. As
+/// predictions of demo scenes at few samples have it (tests/exact.rs).
+const UNSEEN: f32 = 0.0005;
+
 /// Bounces up to which that holds, and the least throughput of paths of more.
 const FEW_BOUNCES: u8 = 2;
 const SEEN: f32 = 0.1;
@@ -34,9 +38,6 @@ const GUARDED: f32 = 0.05;
 /// hidden by the size of flat faces; on curved ones samples lie close, and looking into their shafts made refinement
 /// three to ten times as long and found nothing (docs/samples.md).
 const FLAT: f32 = 0.01;
-
-/// Squared error per pixel that lets a face be looked at before all others, though it have next to no pixels.
-const FIRST: f32 = 1e12;
 
 /// Predicted squared error per pixel below which nothing is worth a sample: half an 8-bit step.
 const NEGLIGIBLE: f32 = (0.5 / 255.0) * (0.5 / 255.0);
@@ -129,23 +130,49 @@ impl Refiner<'_> {
             if !self.mesh.faces[face as usize].is_leaf() {
                 continue;
             }
-            let color = state.deviation.color + GUARDED * state.guarded;
-            self.predicted[face as usize] =
-                [state.deviation.shift, color].map(|square| square * state.pixels);
-            let level = i32::from(self.mesh.faces[face as usize].level);
-            let large = (state.pixels / EXPLORE_PIXELS).min(1.0).powi(2);
-            let fade = if self.is_urgent(face) { 1.0 } else { large.max(EXPLORE_FADE.powi(level)) };
-            // Others that are blind wait for all whose error is known, until that is as small as was asked for.
-            let blind = match (self.is_blind(face), self.blind_first) {
-                (false, _) => 0.0,
-                (true, false) => 2.0 * NEGLIGIBLE,
-                (true, true) => FIRST,
-            };
-            let explored = (EXPLORE * fade).max(blind);
-            let worth = color + explored;
-            if state.pixels > 0.0 && worth > NEGLIGIBLE {
-                self.queue.push(Entry { priority: worth * state.pixels, face });
-            }
+            let errors = [state.deviation.shift, self.known(face) + self.unseen(face)];
+            self.predicted[face as usize] = errors.map(|square| square * state.pixels);
+            self.enqueue(face);
+        }
+    }
+
+    /// Queues the leaf `face`, if it is worth a look.
+    fn enqueue(&mut self, face: u32) {
+        let State { pixels, .. } = self.state[face as usize];
+        let level = i32::from(self.mesh.faces[face as usize].level);
+        let large = (pixels / EXPLORE_PIXELS).min(1.0).powi(2);
+        let fade = if self.is_urgent(face) { 1.0 } else { large.max(EXPLORE_FADE.powi(level)) };
+        // Against a budget, others that are blind wait for all whose error is known: their pixels are many samples.
+        let waits = self.target.is_none() && self.is_blind(face);
+        let unseen = if waits { 2.0 * NEGLIGIBLE } else { self.unseen(face) };
+        let worth = self.known(face) + (EXPLORE * fade).max(unseen);
+        let negligible = self.target.map_or(NEGLIGIBLE, |[_, color]| NEGLIGIBLE.min(color * color));
+        if pixels > 0.0 && worth > negligible {
+            self.queue.push(Entry { priority: worth * pixels, face });
+        }
+    }
+
+    /// Queues all leaves anew.
+    pub(super) fn queue_again(&mut self) {
+        self.queue.clear();
+        for face in self.mesh.leaves().collect::<Vec<u32>>() {
+            self.enqueue(face);
+        }
+    }
+
+    /// Squared error of colour that is expected of each pixel of a face for what its samples say.
+    fn known(&self, face: u32) -> f32 {
+        let State { deviation, guarded, .. } = self.state[face as usize];
+        deviation.color + GUARDED * guarded
+    }
+
+    /// The same for what they do not say, if it is blind: in proportion to its size, for what hides between samples is as
+    /// large at most.
+    fn unseen(&self, face: u32) -> f32 {
+        match self.state[face as usize] {
+            _ if !self.is_blind(face) => 0.0,
+            _ if self.is_mapped(face) => EXPLORE,
+            State { size, .. } => UNSEEN * (size / self.reach()).min(1.0),
         }
     }
 
@@ -178,23 +205,14 @@ impl Refiner<'_> {
         pixels > 0.0 && blind && !traced
     }
 
-    /// Queues the blind faces before all others, and those that come of them.
-    pub(super) fn put_blind_first(&mut self) {
-        self.blind_first = true;
-        let blind = self.mesh.leaves().filter(|&face| self.is_blind(face));
-        let entries: Vec<Entry> =
-            blind.map(|face| Entry { priority: FIRST * self.state[face as usize].pixels, face }).collect();
-        self.queue.extend(entries);
-    }
-
     /// Whether a blind face is looked into before others: it is a large part of the picture, or bent all over.
     fn is_urgent(&self, face: u32) -> bool {
-        let reach = BLIND * self.longer_side();
-        self.is_blind(face) && (self.state[face as usize].size > reach || self.is_mapped(face))
+        self.is_blind(face) && (self.state[face as usize].size > self.reach() || self.is_mapped(face))
     }
 
-    fn longer_side(&self) -> f32 {
-        self.context.view.height.max(self.context.view.width) as f32
+    /// Longest edge, in pixels, of a face whose samples are trusted although nothing between them was looked at.
+    pub(super) fn reach(&self) -> f32 {
+        BLIND * self.context.view.height.max(self.context.view.width) as f32
     }
 
     /// Whether a face with a longest edge of `size` pixels may hide anything between its corners. What is seen over
@@ -206,13 +224,13 @@ impl Refiner<'_> {
             Reconstruction::Exact => seen.map(|node| node.bounces).max().unwrap_or(0),
             Reconstruction::Paper => 0,
         };
-        size * f32::from(bounces.max(FEW_BOUNCES)) > BLIND * self.longer_side() * f32::from(FEW_BOUNCES)
+        size * f32::from(bounces.max(FEW_BOUNCES)) > self.reach() * f32::from(FEW_BOUNCES)
     }
 
     /// Whether the face is specular, and it or what it reflects turns so far that its pixels had better be traced.
     fn is_curved(&self, face: u32, corners: [Corner; 3]) -> bool {
         self.predictor.reconstruction == Reconstruction::Exact
-            && self.context.tracer.scene().is_vt(self.mesh.faces[face as usize].base)
+            && !self.is_receiver(face)
             && (predict::curvature(corners) > CURVED || self.predictor.turns(corners, CURVED))
     }
 

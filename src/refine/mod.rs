@@ -35,9 +35,15 @@ use self::store::SampleStore;
 use crate::options::{EffortOptions, Reconstruction};
 use crate::trace::sample::Context;
 
-/// Longest edge, in pixels, at which a face is no longer bisected but its pixels are traced: where time counts, large faces,
-/// for many small ones take longer to judge and to draw (docs/samples.md).
-pub const STOP_SIZE: f32 = 8.0;
+/// Longest edge, in pixels, at which a face is no longer bisected but its pixels are traced: where time counts, larger
+/// ones, for many small ones take longer to judge and to draw, but what hides in them is larger too (docs/samples.md).
+pub const STOP_SIZE: f32 = 11.0;
+
+/// The same as a share of the largest size at which samples are trusted for what is between them: for small images.
+const TRACED_SHARE: f32 = 0.7;
+
+/// The same for faces that are not specular: where shadows' borders run is found by bisecting them.
+pub const RECEIVER_STOP_SIZE: f32 = 8.0;
 
 /// The same where samples are counted and few: more of a small face's pixels are defined by its halves.
 pub const SPARING_STOP_SIZE: f32 = 4.0;
@@ -61,7 +67,7 @@ const BATCH_MAX: usize = 4096;
 
 /// Root mean square of linear radiance that may be off for each pixel of displacement that `--error` allows: not all that
 /// goes wrong is displaced, shadows' borders least of all.
-const COLOR_PER_PIXEL: f32 = 0.001;
+const COLOR_PER_PIXEL: f32 = 0.0003;
 
 /// Share of a bisected face's error that each half inherits.
 const INHERITED: f32 = 0.5;
@@ -107,8 +113,8 @@ pub struct Refiner<'a> {
     mapped: Vec<bool>,
     pixel_budget_used: f32,
     total_pixels: f32,
-    /// Whether faces of which samples say too little come before those whose error is known.
-    blind_first: bool,
+    /// Root mean squares at which refinement ends, displacement in pixels and linear radiance; `None` against a budget.
+    target: Option<[f32; 2]>,
     /// Longest edge of a face whose pixels are traced, unless a normal map bends what it shows.
     stop_size: f32,
 }
@@ -166,7 +172,7 @@ impl<'a> Refiner<'a> {
             mapped,
             pixel_budget_used: 0.0,
             total_pixels: 0.0,
-            blind_first: false,
+            target: None,
             stop_size: STOP_SIZE,
         };
         let faces = 0..refiner.mesh.faces.len() as u32;
@@ -195,8 +201,14 @@ impl<'a> Refiner<'a> {
         match self.predictor.reconstruction {
             Reconstruction::Paper => PAPER_STOP_SIZE,
             Reconstruction::Exact if self.is_mapped(face) => MAPPED_STOP_SIZE,
-            Reconstruction::Exact => self.stop_size,
+            Reconstruction::Exact if self.is_receiver(face) => self.stop_size.min(RECEIVER_STOP_SIZE),
+            Reconstruction::Exact => self.stop_size.min(TRACED_SHARE * self.reach()),
         }
+    }
+
+    /// Whether nothing is reflected or transmitted by the face.
+    fn is_receiver(&self, face: u32) -> bool {
+        !self.context.tracer.scene().is_vt(self.mesh.faces[face as usize].base)
     }
 
     /// Lets `pixels` that are traced [beside the mesh](direct) count as refined, and against a budget.
@@ -212,16 +224,19 @@ impl<'a> Refiner<'a> {
 
     /// Predicted root mean square over the visible pixels: displacement in pixels, and linear radiance.
     pub fn predicted(&self) -> (f32, f32) {
-        if self.total_pixels <= 0.0 {
-            return (0.0, 0.0);
-        }
-        let (mut shift, mut color) = (0.0_f64, 0.0_f64);
-        for of_face in &self.predicted {
-            shift += f64::from(of_face[0]);
-            color += f64::from(of_face[1]);
-        }
-        let mean = |sum: f64| (sum / f64::from(self.total_pixels)).sqrt() as f32;
-        (mean(shift), mean(color))
+        let [shift, color] = self.mean(self.predicted_sums());
+        (shift, color)
+    }
+
+    /// Sums of the predicted squares.
+    fn predicted_sums(&self) -> [f64; 2] {
+        self.predicted.iter().fold([0.0; 2], |sums, of_face| [0, 1].map(|i| sums[i] + f64::from(of_face[i])))
+    }
+
+    /// Root mean squares over the visible pixels.
+    fn mean(&self, sums: [f64; 2]) -> [f32; 2] {
+        let pixels = f64::from(self.total_pixels);
+        sums.map(|sum| if pixels > 0.0 { (sum.max(0.0) / pixels).sqrt() as f32 } else { 0.0 })
     }
 
     /// Predicted displacement of what is reflected by leaf `face`, in pixels; 0 where its pixels are traced.
@@ -247,6 +262,10 @@ impl<'a> Refiner<'a> {
         if effort.max_samples.is_some_and(|limit| (limit as f32) < FEW * self.total_pixels) {
             self.stop_size = SPARING_STOP_SIZE;
         }
+        if effort.max_samples.is_none() && effort.budget.is_none() {
+            self.target = Some([effort.error, effort.error * COLOR_PER_PIXEL]);
+            self.queue_again();
+        }
         let mut last_step = (Duration::ZERO, 0);
         loop {
             if effort.max_samples.is_some_and(|limit| self.cost() >= limit) {
@@ -258,17 +277,12 @@ impl<'a> Refiner<'a> {
             }) {
                 return Ok(StoppedBy::Budget);
             }
-            let until_error = effort.max_samples.is_none() && effort.budget.is_none();
-            let is_within = until_error && self.is_within(effort.error);
-            if is_within && !self.mesh.leaves().any(|face| self.is_blind(face)) {
+            if self.is_enough(self.predicted_sums()) {
                 return Ok(StoppedBy::Error);
-            }
-            if is_within && !self.blind_first {
-                self.put_blind_first();
             }
             let room = effort.max_samples.map_or(u64::MAX, |limit| limit - self.cost());
             let (step_started, cost) = (Instant::now(), self.cost());
-            if !self.step(room, is_within) {
+            if !self.step(room) {
                 return Ok(StoppedBy::Exhausted);
             }
             last_step = (step_started.elapsed(), self.cost() - cost);
@@ -276,22 +290,24 @@ impl<'a> Refiner<'a> {
         }
     }
 
-    /// Whether what is known is predicted to be within the `error` asked for, in pixels.
-    fn is_within(&self, error: f32) -> bool {
-        let (shift, color) = self.predicted();
+    /// Whether predicted squares of these sums meet the target.
+    fn is_enough(&self, sums: [f64; 2]) -> bool {
+        let Some(most) = self.target else { return false };
+        let [shift, color] = self.mean(sums);
         // Gouraud shading is off in colour wherever a texture is seen: of the paper's, displacement alone is asked.
         let paper = self.predictor.reconstruction == Reconstruction::Paper;
-        shift <= error && (paper || color <= error * COLOR_PER_PIXEL)
+        shift <= most[0] && (paper || color <= most[1])
     }
 
-    /// Bisects the most promising faces and traces their new vertices, at most about `room` of them; if so asked, only those
-    /// of which samples say too little. False if nothing is left to refine.
-    fn step(&mut self, room: u64, only_blind: bool) -> bool {
+    /// Bisects the most promising faces and traces their new vertices, at most about `room` of them, and no more once
+    /// pixels that are traced meet the target. False if nothing is left to refine.
+    fn step(&mut self, room: u64) -> bool {
         let leaves = self.mesh.faces.len() / 2 + 1;
         let batch = (leaves / BATCH_SHARE).clamp(BATCH_MIN, BATCH_MAX);
         let (vertices_before, pixels_before) = (self.mesh.vertices.len(), self.pixel_budget_used);
         let mut splits: Vec<Split> = Vec::new();
         let mut popped = 0;
+        let mut sums = self.predicted_sums();
         let mut left_queue = false;
         while popped < batch {
             let made = self.mesh.vertices.len() - vertices_before;
@@ -304,16 +320,17 @@ impl<'a> Refiner<'a> {
             if !self.mesh.faces[face as usize].is_leaf() || self.state[face as usize].traced {
                 continue;
             }
-            if only_blind && !self.is_blind(face) {
-                self.queue.push(entry);
-                break;
-            }
             if self.state[face as usize].size <= self.stop_size(face) {
                 // The paper knows no traced pixels: its faces stop here as they are.
                 if self.predictor.reconstruction == Reconstruction::Exact {
+                    let predicted = self.predicted[face as usize];
+                    sums = [0, 1].map(|i| sums[i] - f64::from(predicted[i]));
                     self.trace_pixels_of(face);
                     left_queue = true;
                     popped += 1;
+                    if self.is_enough(sums) {
+                        break;
+                    }
                 }
                 continue;
             }
