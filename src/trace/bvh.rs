@@ -9,6 +9,8 @@ use obvhs::{
     bvh2::{Bvh2, builder::build_bvh2},
 };
 
+#[cfg(target_arch = "x86_64")]
+use super::lanes;
 use super::{
     packet::{EntryPoints, Packet},
     quad::{Crossing, Probe},
@@ -36,6 +38,10 @@ fn build_params(faces: usize) -> BvhBuildParams {
 /// Boxes are wider than their triangles by this fraction of the scene's extent: as much as a box test errs
 /// for a ray from inside the scene, so that it does not lose what the triangle test would find.
 const BOX_PADDING: f32 = 4.0 * f32::EPSILON;
+
+/// Rays below which tests side by side would mostly test nothing.
+#[cfg(target_arch = "x86_64")]
+const FEWEST_TOGETHER: usize = 4;
 
 /// The nearest surface along a ray.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -147,6 +153,66 @@ impl<'s> Tracer<'s> {
         self.closest_below(entries.nodes(), origin, direction)
     }
 
+    /// [`closest`](Self::closest) for all `rays`, origins and unit directions, of the packet that `entries` are of; `hits` are
+    /// made theirs.
+    pub(super) fn closest_of_each(
+        &self,
+        entries: &EntryPoints,
+        rays: &[(Vec3, Vec3)],
+        hits: &mut Vec<Option<Hit>>,
+    ) {
+        hits.clear();
+        hits.resize(rays.len(), None);
+        if entries.is_empty() {
+            return;
+        }
+        #[cfg(target_arch = "x86_64")]
+        if !self.masked
+            && rays.len() >= FEWEST_TOGETHER
+            && let Some(simd) = lanes::token()
+        {
+            return self.closest_together(simd, entries, rays, hits);
+        }
+        for (&(origin, direction), hit) in rays.iter().zip(hits) {
+            *hit = self.closest_among(entries, origin, direction);
+        }
+    }
+
+    #[cfg(target_arch = "x86_64")]
+    fn closest_together(
+        &self,
+        simd: pulp::x86::V3,
+        entries: &EntryPoints,
+        rays: &[(Vec3, Vec3)],
+        hits: &mut [Option<Hit>],
+    ) {
+        let mut group = [(0, (Vec3::ZERO, Vec3::ZERO)); lanes::RAYS];
+        for axis in 0..3 {
+            let along = rays.iter().enumerate().filter(|(_, ray)| lanes::axes(ray.1)[2] == axis);
+            let mut along = along.map(|(index, &ray)| (index, ray));
+            loop {
+                let mut count = 0;
+                for (place, entry) in group.iter_mut().zip(along.by_ref()) {
+                    *place = entry;
+                    count += 1;
+                }
+                if count == 0 {
+                    break;
+                }
+                if count < FEWEST_TOGETHER {
+                    for &(index, (origin, direction)) in &group[..count] {
+                        hits[index] = self.closest_among(entries, origin, direction);
+                    }
+                    continue;
+                }
+                let some = group.map(|(_, ray)| ray);
+                lanes::closest(simd, &self.bvh, entries.nodes(), &some[..count], |ray, hit| {
+                    hits[group[ray].0] = hit
+                });
+            }
+        }
+    }
+
     /// Whether anything lies between `origin` and the point `distance` (may be infinite) away along the
     /// unit vector `direction`.
     #[inline]
@@ -250,4 +316,54 @@ impl<'s> Tracer<'s> {
 /// The box around a face's corners, `padding` wider on all sides.
 fn padded([a, b, c]: [Vec3; 3], padding: f32) -> Aabb {
     Aabb { min: Vec3A::from(a.min(b).min(c) - padding), max: Vec3A::from(a.max(b).max(c) + padding) }
+}
+
+#[cfg(test)]
+mod tests {
+    use glam::vec3;
+    use proptest::prelude::*;
+
+    use super::*;
+    use crate::scene::Camera;
+    use crate::scene::demo::{SceneBuilder, matte, shape};
+
+    fn point() -> impl Strategy<Value = Vec3> {
+        prop::array::uniform3(-1.0..1.0_f32).prop_map(Vec3::from)
+    }
+
+    proptest! {
+        #![proptest_config(ProptestConfig::with_cases(64))]
+
+        /// Rays find together what each finds by itself, to the bit: also where faces coincide, along the axes, and where
+        /// there is nothing.
+        #[test]
+        fn together_rays_find_what_they_find_alone(
+            planes in prop::collection::vec((point(), point(), point()), 1..12),
+            turned in 0.0..1.5_f32,
+            rays in prop::collection::vec((point(), point()), 1..70),
+            towards in prop_oneof![point(), Just(Vec3::X), Just(Vec3::NEG_Y)],
+        ) {
+            let mut builder = SceneBuilder::new("planes");
+            let material = builder.material(matte("plane"));
+            for (corner, a, b) in planes {
+                builder.mesh("plane", shape::plane(corner, a, b, 1.0), material);
+                builder.mesh("again", shape::plane(corner, a, b, 1.0), material);
+            }
+            builder.mesh("ball", shape::sphere(vec3(0.3, 0.2, -0.4), 0.5, 2), material);
+            builder.camera(Camera::look_at(Vec3::Z, Vec3::ZERO, 0.8));
+            let scene = builder.build().unwrap();
+            let tracer = Tracer::new(&scene);
+            let ray = |(origin, by): (Vec3, Vec3)| Some((origin * 0.5, (towards + by * turned).try_normalize()?));
+            let rays: Vec<(Vec3, Vec3)> = rays.into_iter().filter_map(ray).collect();
+            let mut packet = Packet::EMPTY;
+            rays.iter().for_each(|&(origin, direction)| packet.add(origin, direction));
+            let mut entries = EntryPoints::default();
+            tracer.find_entries(&packet, &mut entries);
+            let mut together = Vec::new();
+            tracer.closest_of_each(&entries, &rays, &mut together);
+            let alone: Vec<Option<Hit>> =
+                rays.iter().map(|&(origin, direction)| tracer.closest(origin, direction)).collect();
+            prop_assert_eq!(together, alone);
+        }
+    }
 }

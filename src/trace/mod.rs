@@ -3,6 +3,8 @@
 
 pub mod bvh;
 mod collapse;
+#[cfg(target_arch = "x86_64")]
+mod lanes;
 pub mod optics;
 mod packet;
 mod quad;

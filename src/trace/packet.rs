@@ -67,6 +67,7 @@ enum Course {
 }
 
 impl Slab {
+    #[inline(always)]
     fn new(packet: &Packet, axis: usize) -> Self {
         let [low, high] = packet.directions.map(|direction| direction[axis]);
         let course = match (low > 0.0, high < 0.0) {
@@ -88,6 +89,7 @@ impl Slab {
     /// Distances before which no ray is between the planes `low` and `high`, and after which none is.
     ///
     /// Rounding is monotonic, so that this holds to the bit for what the tests of single rays find.
+    #[inline(always)]
     fn cross(&self, [low, high]: [Vec4; 2]) -> [Vec4; 2] {
         let (low, high) = (low - self.origins[1], high - self.origins[0]);
         let [a, b] = self.inverses;
@@ -101,13 +103,14 @@ impl Slab {
 }
 
 /// A packet as the box tests want it.
-struct PacketProbe {
+pub(super) struct PacketProbe {
     slabs: [Slab; 3],
     end: Vec4,
 }
 
 impl PacketProbe {
-    fn new(packet: &Packet) -> Self {
+    #[inline(always)]
+    pub fn new(packet: &Packet) -> Self {
         Self {
             slabs: std::array::from_fn(|axis| Slab::new(packet, axis)),
             end: Vec4::splat(packet.end.min(f32::MAX)),
@@ -115,7 +118,8 @@ impl PacketProbe {
     }
 
     /// Distances before which no ray enters the four boxes, and a bit for each that some may enter.
-    fn enter(&self, bounds: &Bounds) -> ([f32; LANES], u32) {
+    #[inline(always)]
+    pub fn enter(&self, bounds: &Bounds) -> ([f32; LANES], u32) {
         let (mut near, mut far) = (Vec4::ZERO, self.end);
         for (slab, &bounds) in self.slabs.iter().zip(bounds) {
             let [enter, leave] = slab.cross(bounds);

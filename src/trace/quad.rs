@@ -79,6 +79,14 @@ impl Quad {
         (0..LANES).filter(move |&lane| held.test(lane)).map(|lane| self.faces[lane])
     }
 
+    /// The triangle of a lane: the scene's face, and by axis the coordinates of its corners; the first lanes are taken.
+    #[inline(always)]
+    pub fn triangle(&self, lane: usize) -> Option<(u32, [[f32; 3]; 3])> {
+        let [x, y, z] = &self.corners;
+        let along = |axis: &[Vec4; 3]| [axis[0][lane], axis[1][lane], axis[2][lane]];
+        (!x[0][lane].is_nan()).then(|| (self.faces[lane], [along(x), along(y), along(z)]))
+    }
+
     /// Hits between 0 and `end`, both excluded; `None` without any.
     ///
     /// A corner is sheared to the same two numbers in every triangle that has it, and the sign of an edge's

@@ -135,6 +135,7 @@ pub fn radiance(tracer: &Tracer, settings: &Settings, origin: Vec3, direction: V
 struct Tile {
     rays: Vec<(Vec3, Vec3)>,
     entries: EntryPoints,
+    found: Vec<Option<Hit>>,
     /// Direction of each ray, and what it hits.
     hits: Vec<(Vec3, Option<Hit>)>,
     shafts: Shafts,
@@ -150,10 +151,9 @@ impl Tile {
             packet.add(origin, direction);
         }
         tracer.find_entries(&packet, &mut self.entries);
+        tracer.closest_of_each(&self.entries, &self.rays, &mut self.found);
         self.hits.clear();
-        for &(origin, direction) in &self.rays {
-            self.hits.push((direction, tracer.closest_among(&self.entries, origin, direction)));
-        }
+        self.hits.extend(self.rays.iter().zip(&self.found).map(|(&(_, direction), &hit)| (direction, hit)));
         self.shafts.find(tracer, settings, 0, self.hits.iter());
     }
 }

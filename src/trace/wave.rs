@@ -19,6 +19,8 @@ pub struct Points<'t, 's> {
     shafts: Shafts,
     /// Room for waves to come.
     free: Vec<Vec<Ray>>,
+    /// Rays of the wave at hand, origins and directions, and what they meet.
+    search: (Vec<(Vec3, Vec3)>, Vec<Option<Hit>>),
     rays: Rays,
 }
 
@@ -42,6 +44,7 @@ impl<'t, 's> Points<'t, 's> {
             entries: EntryPoints::default(),
             shafts: Shafts::default(),
             free: Vec::new(),
+            search: Default::default(),
             rays: Rays::default(),
         }
     }
@@ -99,8 +102,11 @@ impl<'t, 's> Points<'t, 's> {
         }
         tracer.find_entries(&packet, &mut self.entries);
         self.hits.clear();
-        for Ray { point, branch, throughput } in wave {
-            let hit = tracer.closest_among(&self.entries, branch.origin, branch.direction);
+        let (rays, found) = &mut self.search;
+        rays.clear();
+        rays.extend(wave.iter().map(|ray| (ray.branch.origin, ray.branch.direction)));
+        tracer.closest_of_each(&self.entries, rays, found);
+        for (Ray { point, branch, throughput }, &hit) in wave.iter().zip(&*found) {
             if hit.is_none() {
                 let seen = shade::background(scene, branch.direction) * branch.transmittance(None);
                 self.radiances[*point as usize] += seen * throughput;
