@@ -16,6 +16,7 @@ use crate::plan::Plan;
 use crate::reconstruct::drawn::Drawn;
 use crate::reconstruct::frame_block::FrameBlock;
 use crate::reconstruct::nodes::Matcher;
+use crate::reconstruct::smooth::Smoothing;
 use crate::reconstruct::supersample;
 use crate::refine::Refiner;
 use crate::refine::reserve::Reserve;
@@ -32,7 +33,7 @@ pub use kept::Kept;
 use kept::{Painted, Samples};
 use sampling::Job;
 
-/// What tracing needs of a scene, whatever the view: absent if nothing is traced.
+/// What tracing needs of a scene, whatever the view: absent if no ray is traced.
 struct Traced<'s> {
     tracer: Tracer<'s>,
     structures: Vec<Structure>,
@@ -48,7 +49,7 @@ pub struct Renderer<'s> {
     options: Options,
     plan: Plan,
     traced: Option<Traced<'s>>,
-    /// Finds what is visible, if anything is traced.
+    /// Finds what is visible, if faces are sampled.
     finder: Option<Finder<'s>>,
     painted: Painted,
     settings: Settings,
@@ -113,16 +114,13 @@ impl<'s> Renderer<'s> {
     /// As for [`new`](Self::new).
     pub fn reusing(mut kept: Kept, gpu: &Arc<Gpu>, scene: &'s Scene, options: &Options) -> Result<Self> {
         let plan = Plan::after(kept.plan.take(), scene, options);
-        let traced = plan.traces().then(|| kept.traced(scene, &plan));
-        let classes = traced.as_ref().map(|traced| traced.classes.as_slice());
+        let traced = plan.has_rays().then(|| kept.traced(scene, &plan));
+        let sampled = traced.as_ref().filter(|_| plan.traces());
+        let classes = sampled.map(|traced| traced.classes.as_slice());
         let way = options.method.visibility;
         let finder = classes.map(|classes| kept.finder(gpu, scene, classes, way)).transpose()?;
         let painted = kept.painted(gpu, scene, (options, &plan), classes)?;
-        let settings = Settings {
-            depth: plan.depth,
-            pixel_samples: options.method.pixel_samples.samples(),
-            ..Settings::new(&options.paths, &options.scene)
-        };
+        let settings = Settings { depth: plan.depth, ..Settings::new(&options.paths, &options.scene) };
         if let Some(samples) = &mut kept.samples {
             samples.trace_with(&settings, scene);
         }
@@ -168,7 +166,7 @@ impl<'s> Renderer<'s> {
         self.samples = Some(samples);
     }
 
-    /// What traces rays, if anything is traced.
+    /// What traces rays, if any are traced.
     pub fn tracer(&self) -> Option<&Tracer<'s>> {
         self.traced.as_ref().map(|traced| &traced.tracer)
     }
@@ -347,8 +345,17 @@ impl<'s> Renderer<'s> {
         stats.left_out.extend(nothing);
         let shaded = self.options.method.ss.samples();
         let shaded = if self.warming_up { shaded.min(4) } else { shaded };
-        let (drawings, mean) = supersample::draw(painter, &block, leaves.as_ref(), &passes, shaded)?;
+        let (drawings, mut mean) = supersample::draw(painter, &block, leaves.as_ref(), &passes, shaded)?;
         stats.time_ms.draw = ms(time);
+        if self.plan.smooths && !self.warming_up && self.options.show.is_none() {
+            let time = Instant::now();
+            let mut image = mean.take().map_or_else(|| painter.read_image(), Ok)?;
+            let rays = self.smooth(view, &mut image)?.total();
+            mean = Some(image);
+            stats.rays.pixel += rays;
+            stats.rays.total += rays;
+            stats.time_ms.smooth = ms(time);
+        }
         stats.time_ms.frame = ms(started);
         stats.passes = drawings
             .into_iter()
@@ -360,6 +367,14 @@ impl<'s> Renderer<'s> {
             .collect();
         self.finished = (cost, refined.elapsed());
         Ok(Undelivered { mean, overlay, stats })
+    }
+
+    /// Traces pixels of the finished picture again.
+    fn smooth(&self, view: &View, image: &mut FloatImage) -> Result<Rays> {
+        let Self { traced, settings, options, interrupt, .. } = self;
+        let Some(Traced { tracer, .. }) = traced else { return Ok(Rays::default()) };
+        let most = options.method.pixel_samples.samples();
+        Smoothing { tracer, settings, view, most, interrupt }.apply(image)
     }
 
     fn blank_stats(&self, view: &View) -> Stats {

@@ -9,7 +9,7 @@ use std::sync::{Arc, Mutex};
 
 use proptest::prelude::*;
 use vertex_tracing::gpu::Gpu;
-use vertex_tracing::options::{Choice, Reconstruction, Ss};
+use vertex_tracing::options::{Reconstruction, Ss};
 use vertex_tracing::report::bench::crossover::{self, At, time_at};
 use vertex_tracing::report::bench::fit::{Fit, power_law};
 use vertex_tracing::report::bench::ladder::{Antialiasing, Family, Job, Ladder, Outside, Rate};
@@ -278,10 +278,10 @@ fn ladders_rise() {
         jobs.iter().filter(|job| job.family() == Some(ours())).map(Job::effort).collect();
     assert_eq!(efforts, ["preview", "100 samples", "500 samples"]);
     let count = |wanted: &dyn Fn(&Job) -> bool| jobs.iter().filter(|job| wanted(job)).count();
-    assert_eq!(count(&|job| matches!(job, Job::Frame { .. })), 2 * 3 * 3);
+    assert_eq!(count(&|job| matches!(job, Job::Frame { .. })), 2 * 4 * 3);
     assert_eq!(count(&|job| matches!(job, Job::Traced(_))), 6);
     assert_eq!(count(&|job| matches!(job, Job::Hybrid(_))), 6);
-    assert_eq!(count(&|job| matches!(job, Job::Floor(_))), Antialiasing::ALL.len());
+    assert_eq!(count(&|job| matches!(job, Job::Floor(_))), Antialiasing::USUAL.len());
 }
 
 #[test]
@@ -518,7 +518,11 @@ fn what_cannot_be_measured_is_said_in_one_line() {
         ("bench scene.glb --out o --spp 1/3", 2, "not samples a pixel such as 1, 4, 1/4"),
         ("bench scene.glb --out o --samples many", 2, "invalid digit"),
         ("bench scene.glb --out o --repeats 0", 2, "0 is not in 1..=1000"),
-        ("bench scene.glb --out o --antialiasing ss2", 2, "[possible values: ss1, ss4, msaa4]"),
+        (
+            "bench scene.glb --out o --antialiasing ss2",
+            2,
+            "[possible values: ss1, ss4, msaa4, pixels4, pixels16, pixels64]",
+        ),
         ("bench scene.glb --out o --compare other.png,1", 2, "not a name, an image and seconds"),
         ("bench scene.glb --out o --compare other=other.png", 2, "not a name, an image and seconds"),
         ("bench scene.glb --out o --compare other=other.png,-1", 2, "not a number above 0"),

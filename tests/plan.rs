@@ -413,11 +413,13 @@ fn the_last_rung_leaves_nothing_of_the_scene_out() {
         "ranges of lights",
         "multisampling",
         "supersampling",
+        "edges traced again",
     ];
     assert_eq!(plan.left_out.iter().map(|left_out| left_out.what.as_str()).collect::<Vec<_>>(), expected);
     let everything = Plan::new(&Rung::Flat.scene().unwrap(), &Options { everything: true, ..options() });
     let left: Vec<&str> = everything.left_out.iter().map(|left_out| left_out.what.as_str()).collect();
-    let off = ["light from the camera, ambient light", "multisampling", "supersampling"];
+    let off =
+        ["light from the camera, ambient light", "multisampling", "supersampling", "edges traced again"];
     assert_eq!(left, off, "what scene and options switch off, whatever is asked for");
 }
 

@@ -16,8 +16,7 @@ use vertex_tracing::trace::wave::Points;
 use vertex_tracing::trace::{Appearance, Rays, Settings, Shadows, Surface, Tracer, reference, shade, texel};
 
 /// Nothing dropped, every path followed until its rest is below single precision.
-const EXACT: Settings =
-    Settings { depth: 40, min_throughput: 0.0, shadows: Shadows::All, fresnel: false, pixel_samples: 1 };
+const EXACT: Settings = Settings { depth: 40, min_throughput: 0.0, shadows: Shadows::All, fresnel: false };
 
 /// Glass that absorbs nothing.
 const CLEAR: Volume = Volume { attenuation_color: Vec3::ONE, attenuation_distance: f32::INFINITY };

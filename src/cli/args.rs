@@ -74,7 +74,7 @@ pub struct MethodArgs {
     /// Samples of a pixel that are each shaded
     #[arg(long, default_value_t, value_parser = values::choice::<Ss>())]
     pub ss: Ss,
-    /// Samples of pixels that are traced by themselves, so that what they show is smooth too
+    /// Trace pixels of the finished picture that differ from one beside them again, with up to so many samples
     #[arg(long, default_value_t, value_parser = values::choice::<PixelSamples>())]
     pub pixel_samples: PixelSamples,
     /// How textures are filtered

@@ -54,7 +54,7 @@ pub struct BenchArgs {
     #[arg(long, value_delimiter = ',', default_value = "exact,paper", value_parser = values::choice::<Reconstruction>())]
     reconstruction: Vec<Reconstruction>,
     /// How vertex tracing smooths edges
-    #[arg(long, value_delimiter = ',', default_value = "ss1,ss4,msaa4", value_parser = values::choice::<Antialiasing>())]
+    #[arg(long, value_delimiter = ',', default_value = "ss1,ss4,msaa4,pixels16", value_parser = values::choice::<Antialiasing>())]
     antialiasing: Vec<Antialiasing>,
     /// Timed runs of every point
     #[arg(long, value_name = "N", default_value_t = 5, value_parser = value_parser!(u16).range(1..=1000))]

@@ -114,12 +114,13 @@ choices! {
         Four = "4": "four shaded samples",
         Sixteen = "16": "sixteen shaded samples",
     }
-    /// Samples of a pixel that is traced by itself.
+    /// Most samples of a pixel that differs from one beside it: they are traced once the picture is drawn.
     PixelSamples {
         #[default]
-        One = "1": "one, at its centre",
-        Four = "4": "four more where it differs from a pixel beside it",
-        Sixteen = "16": "after these four sixteen more where it still does",
+        One = "1": "none, all pixels stay as they were drawn",
+        Four = "4": "four where it differs from a pixel beside it",
+        Sixteen = "16": "sixteen where these four differ",
+        SixtyFour = "64": "sixty-four where these sixteen differ",
     }
     /// A picture of the method's data in place of the rendered image.
     Show {
@@ -155,12 +156,13 @@ impl Msaa {
 }
 
 impl PixelSamples {
-    /// Most that one round of further samples takes, a square; 1 without any.
-    pub fn samples(self) -> u32 {
+    /// Samples of a pixel at most; 1 where pixels stay as they were drawn.
+    pub fn samples(self) -> usize {
         match self {
             Self::One => 1,
             Self::Four => 4,
             Self::Sixteen => 16,
+            Self::SixtyFour => 64,
         }
     }
 }

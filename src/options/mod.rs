@@ -77,7 +77,7 @@ pub struct MethodOptions {
     pub msaa: Msaa,
     /// Shaded samples a pixel.
     pub ss: Ss,
-    /// Samples of pixels that are traced by themselves; against a budget each such pixel counts once.
+    /// Most samples of pixels that differ from one beside them; no budget of samples pays for them.
     pub pixel_samples: PixelSamples,
     /// Texture filter.
     pub filter: FilterMode,

@@ -9,7 +9,7 @@ pub use cost::{Cost, Resource};
 pub use summary::{Saved, Summary};
 
 use crate::constants::*;
-use crate::options::{FilterMode, Msaa, Options, Reconstruction, Shadows, Ss};
+use crate::options::{FilterMode, Msaa, Options, PixelSamples, Reconstruction, Shadows, Ss};
 use crate::reconstruct::bank::Wanted;
 use crate::reconstruct::passes::{ColorPass, color_passes};
 use crate::reconstruct::vertex::VertexLayout;
@@ -24,9 +24,11 @@ pub struct Plan {
     pub specular: bool,
     /// Whether diffuse objects are traced for their shadows.
     pub receivers: bool,
+    /// Whether pixels of the finished picture are traced again.
+    pub smooths: bool,
     /// Most specular bounces of a path.
     pub depth: u32,
-    /// Which vertices are one point; empty if nothing is traced.
+    /// Which vertices are one point; empty if no ray is traced.
     pub topology: Topology,
     /// What specular paths can end on; empty if there are none.
     pub targets: Targets,
@@ -87,12 +89,11 @@ impl Plan {
                 _ => "--shadows leaves their shadows out",
             },
         );
-        let traces = needs.part(
-            specular || receivers,
-            "bounding volume hierarchy, ID buffer, readback and refinement",
-            "nothing is traced: all objects are rasterised in the ordinary way",
-        );
-        let topology = match traces {
+        let smooths = options.method.pixel_samples != PixelSamples::One;
+        let nothing = "nothing is traced: all objects are rasterised in the ordinary way";
+        let traces = needs.part(specular || receivers, "ID buffer, readback and refinement", nothing);
+        let rays = needs.part(traces || smooths, "bounding volume hierarchy", nothing);
+        let topology = match rays {
             true => known.unwrap_or_else(|| Topology::new(&scene.geometry)),
             false => Topology::default(),
         };
@@ -256,9 +257,11 @@ impl Plan {
         }
         needs.option(options.method.msaa == Msaa::One, "multisampling", "--msaa 1");
         needs.option(options.method.ss == Ss::One, "supersampling", "--ss 1");
+        needs.option(!smooths, "edges traced again", "--pixel-samples 1");
         Self {
             specular,
             receivers,
+            smooths,
             depth,
             topology,
             targets,
@@ -283,9 +286,14 @@ impl Plan {
         (drawn.into_iter().copied().collect(), dropped.into_iter().map(left_out).collect())
     }
 
-    /// Whether anything is traced: hierarchy, visibility, samples.
+    /// Whether faces are sampled: hierarchy, visibility, refinement.
     pub fn traces(&self) -> bool {
         self.specular || self.receivers
+    }
+
+    /// Whether any ray is traced.
+    pub fn has_rays(&self) -> bool {
+        self.traces() || self.smooths
     }
 
     /// Which attributes the vertices of leaves have.

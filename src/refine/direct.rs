@@ -7,7 +7,6 @@ use glam::{Vec2, Vec3};
 use rayon::prelude::*;
 
 use super::per_pixel;
-use super::smooth::{Smooth, smooth};
 use super::store::PixelStore;
 use crate::scene::{Scene, View};
 use crate::trace::Rays;
@@ -110,16 +109,14 @@ impl Direct {
     }
 
     /// Traces their pixels in `ids`, row by row; where they are more than `most`, those of some rows alone, about as many.
-    /// Pixels that `store` knows are not traced, and it learns the others; where several samples a pixel are asked for and
-    /// worth it, those count that show one of these faces, and no store is asked.
+    /// Pixels that `store` knows are not traced, and it learns the others.
     pub fn trace(
         &self,
         context: &Context,
         ids: Option<IdImage>,
         most: u64,
-        store: Option<&mut PixelStore>,
+        mut store: Option<&mut PixelStore>,
     ) -> (Vec<DirectPixel>, Rays) {
-        let mut store = store.filter(|_| context.settings.pixel_samples == 1);
         let Some(ids) = ids.filter(|_| !self.is_empty()) else { return Default::default() };
         if let Some(store) = &mut store {
             store.look_at(context.view);
@@ -140,12 +137,6 @@ impl Direct {
                 store.insert(index, base, radiance);
             }
         }
-        total += smooth(
-            context,
-            &mut all,
-            |pixel| (pixel.index, pixel.radiance),
-            |pixels, smooth| self.smooth(context, pixels, smooth),
-        );
         (all, total)
     }
 
@@ -180,19 +171,5 @@ impl Direct {
             }
         }
         (pixels, points.rays())
-    }
-
-    /// Takes further samples of those `pixels` that are worth it.
-    fn smooth(&self, context: &Context, pixels: &mut [DirectPixel], smooth: &Smooth) -> Rays {
-        let Context { tracer, settings, view, .. } = *context;
-        let mut points = Points::new(tracer, settings);
-        let mut rays = Rays::default();
-        let pixels = pixels.iter_mut().map(|pixel| (pixel.index, &mut pixel.radiance));
-        smooth.sample(pixels, &mut points, |point| {
-            let (origin, direction) = view.ray(point);
-            rays.primary += 1;
-            Some((direction, tracer.closest(origin, direction).filter(|hit| self.is(hit.face))?))
-        });
-        rays + points.rays()
     }
 }

@@ -15,7 +15,6 @@ pub mod pixels;
 pub mod predict;
 pub mod reserve;
 pub mod samples;
-mod smooth;
 pub mod store;
 
 use std::cmp::Ordering;

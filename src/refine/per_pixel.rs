@@ -6,7 +6,6 @@ use rayon::prelude::*;
 use super::footprint::{Footprint, ROUNDING};
 use super::mesh::Mesh;
 use super::pixels::Shown;
-use super::smooth::{Smooth, smooth};
 use super::store::PixelStore;
 use crate::trace::sample::Context;
 use crate::trace::wave::Points;
@@ -37,22 +36,17 @@ pub struct TracedPixel {
 /// Traces the pixels whose centres lie in the leaves `faces`, from the point of the base face that shows
 /// there. An image of the faces says where it does; without one, a primary ray a pixel. Pixels that `store` knows are
 /// not traced, and it learns the others. Pixels of one face come together, row by row.
-///
-/// Where several samples a pixel are asked for, and its colour says that they are worth it, those count that lie in the
-/// leaf, and no store is asked.
 pub fn trace(
     context: &Context,
     mesh: &Mesh,
     shown: Shown,
     faces: &[u32],
-    store: Option<&mut PixelStore>,
+    mut store: Option<&mut PixelStore>,
 ) -> (Vec<TracedPixel>, Rays) {
-    let mut store = store.filter(|_| context.settings.pixel_samples == 1);
     if let Some(store) = &mut store {
         store.look_at(context.view);
     }
-    let pass = Pass { context, mesh, shown, known: None };
-    let first = Pass { known: store.as_deref(), ..pass };
+    let pass = Pass { context, mesh, shown, known: store.as_deref() };
     let mut faces: Vec<u32> =
         faces.iter().copied().filter(|&face| mesh.faces[face as usize].is_leaf()).collect();
     faces.sort_by_cached_key(|&face| {
@@ -64,7 +58,7 @@ pub fn trace(
         .map(|faces| {
             let mut chunk = Chunk::new(context);
             for &face in faces {
-                first.trace_face(face, &mut chunk);
+                pass.trace_face(face, &mut chunk);
             }
             (chunk.pixels, chunk.primary + chunk.points.rays())
         })
@@ -80,18 +74,6 @@ pub fn trace(
             store.insert(pixel.index, pixel.base, pixel.radiance);
         }
     }
-    total += smooth(
-        context,
-        &mut all,
-        |pixel| (pixel.index, pixel.radiance),
-        |pixels, smooth| {
-            let mut chunk = Chunk::new(context);
-            for pixels in pixels.chunk_by_mut(|a, b| a.face == b.face) {
-                pass.smooth(pixels, smooth, &mut chunk);
-            }
-            chunk.primary + chunk.points.rays()
-        },
-    );
     (all, total)
 }
 
@@ -154,20 +136,6 @@ impl Pass<'_> {
         for (pixel, radiance) in chunk.pending.drain(..).zip(chunk.points.radiances()) {
             chunk.pixels[pixel].radiance = radiance;
         }
-    }
-
-    /// Takes further samples of those `pixels` of one leaf that are worth it.
-    fn smooth(&self, pixels: &mut [TracedPixel], smooth: &Smooth, chunk: &mut Chunk) {
-        let Self { context: &Context { view, .. }, mesh, .. } = *self;
-        let [TracedPixel { face, base, .. }, ..] = *pixels else { return };
-        let footprint = Footprint::new(mesh, view, face);
-        let Chunk { points, primary, .. } = chunk;
-        let pixels = pixels.iter_mut().map(|pixel| (pixel.index, &mut pixel.radiance));
-        smooth.sample(pixels, points, |point| {
-            let ray = view.ray(point);
-            let is_inside = footprint.inside_at(point) >= 0.0;
-            Some((ray.1, is_inside.then(|| self.hit(base, ray, primary)).flatten()?))
-        });
     }
 
     /// The point of base face `base` under a view ray, if it shows there.

@@ -151,7 +151,7 @@ pub struct Pass {
 /// Wall times in milliseconds.
 ///
 /// `frame` runs from the camera to the finished linear image, without loading, BVH, image read-back,
-/// encoding and files; those from `visibility` to `draw` are its parts.
+/// encoding and files; those from `visibility` to `smooth` are its parts.
 #[derive(Debug, Clone, Copy, Default, PartialEq, Serialize)]
 #[allow(missing_docs)]
 pub struct Times {
@@ -166,6 +166,8 @@ pub struct Times {
     pub refine: f64,
     pub upload: f64,
     pub draw: f64,
+    /// Tracing edges again.
+    pub smooth: f64,
     pub frame: f64,
 }
 
@@ -246,6 +248,7 @@ impl fmt::Display for Stats {
             ("refine", t.refine),
             ("upload", t.upload),
             ("draw", t.draw),
+            ("smooth", t.smooth),
         ];
         list(f, "frame", &format!("{:.1} ms: ", t.frame), stages, 1, " ms")
     }

@@ -3,6 +3,7 @@
 
 pub mod bvh;
 mod collapse;
+pub mod eye;
 #[cfg(target_arch = "x86_64")]
 mod lanes;
 pub mod optics;
@@ -36,9 +37,6 @@ pub struct Settings {
     pub shadows: Shadows,
     /// Whether metals follow Schlick's approximation instead of the paper's constant k_r (Eq. 1).
     pub fresnel: bool,
-    /// Most further samples in one round of a pixel that is traced by itself, a square number; 1 without any. The
-    /// reference tracer is told its own.
-    pub pixel_samples: u32,
 }
 
 impl Settings {
@@ -49,7 +47,6 @@ impl Settings {
             min_throughput: paths.min_throughput,
             shadows: scene.shadows,
             fresnel: scene.fresnel,
-            pixel_samples: 1,
         }
     }
 }

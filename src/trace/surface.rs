@@ -126,11 +126,11 @@ pub(super) struct Record {
     normals: [Vec3; 3],
     uvs: [Vec2; 3],
     /// Unit geometric normal, counter-clockwise.
-    ng: Vec3,
+    pub(super) ng: Vec3,
     /// How far rays start off the face.
     pub(super) offset: f32,
     object: u32,
-    material: u32,
+    pub(super) material: u32,
     pub(super) vt: bool,
     /// Whether lights may show on it.
     pub(super) scatters: bool,

@@ -35,7 +35,7 @@ impl Default for Ladder {
             options: Options::default(),
             samples: vec![1_000, 4_000, 16_000, 64_000],
             reconstructions: vec![Reconstruction::Exact, Reconstruction::Paper],
-            antialiasings: Antialiasing::ALL.iter().map(|&(value, ..)| value).collect(),
+            antialiasings: Antialiasing::USUAL.into(),
             rates: Rate::LADDER.into(),
             outside: Vec::new(),
             repeats: 5,
@@ -60,17 +60,26 @@ pub struct Outside {
 pub enum Antialiasing {
     /// One sample a pixel.
     None,
-    /// Four shaded samples a pixel, and as many of pixels that are traced.
+    /// Four shaded samples a pixel.
     Ss4,
     /// Four coverage samples a pixel, shaded once.
     Msaa4,
+    /// Pixels that differ from one beside them are traced, with at most so many samples.
+    Pixels(PixelSamples),
 }
 
 impl Choice for Antialiasing {
     const ALL: &'static [(Self, &'static str, &'static str)] = &[
         (Self::None, "ss1", "one sample a pixel"),
-        (Self::Ss4, "ss4", "four samples a pixel, shaded or traced"),
+        (Self::Ss4, "ss4", "four shaded samples a pixel"),
         (Self::Msaa4, "msaa4", "four coverage samples a pixel, shaded once"),
+        (Self::Pixels(PixelSamples::Four), "pixels4", "up to four traced samples where pixels differ"),
+        (Self::Pixels(PixelSamples::Sixteen), "pixels16", "up to sixteen traced samples where pixels differ"),
+        (
+            Self::Pixels(PixelSamples::SixtyFour),
+            "pixels64",
+            "up to sixty-four traced samples where pixels differ",
+        ),
     ];
 }
 
@@ -81,12 +90,15 @@ impl Serialize for Antialiasing {
 }
 
 impl Antialiasing {
+    /// Those that are compared unless others are asked for.
+    pub const USUAL: [Self; 4] = [Self::None, Self::Ss4, Self::Msaa4, Self::Pixels(PixelSamples::Sixteen)];
+
     /// `options` with this anti-aliasing.
     pub fn apply(self, options: &Options) -> Options {
         let mut options = options.clone();
         (options.method.ss, options.method.msaa) = self.samples();
-        if self == Self::Ss4 {
-            options.method.pixel_samples = PixelSamples::Four;
+        if let Self::Pixels(most) = self {
+            options.method.pixel_samples = most;
         }
         options
     }
@@ -94,7 +106,7 @@ impl Antialiasing {
     /// Shaded and coverage samples of a pixel.
     pub fn samples(self) -> (Ss, Msaa) {
         match self {
-            Self::None => (Ss::One, Msaa::One),
+            Self::None | Self::Pixels(_) => (Ss::One, Msaa::One),
             Self::Ss4 => (Ss::Four, Msaa::One),
             Self::Msaa4 => (Ss::One, Msaa::Four),
         }

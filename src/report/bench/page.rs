@@ -143,7 +143,8 @@ fn stages(page: &mut Page, bench: &Bench) {
         };
         let floor = bench.floors.iter().find(|floor| floor.antialiasing == *antialiasing);
         let mut cells = vec![Cell::text(format!("{}, {}", point.family, point.effort))];
-        let stages = [t.visibility, t.readback, t.scan, t.trace, t.refine, t.upload, t.draw, t.frame];
+        let stages =
+            [t.visibility, t.readback, t.scan, t.trace, t.refine, t.upload, t.draw, t.smooth, t.frame];
         cells.extend(stages.map(|ms| Cell::number(format!("{ms:.1}"))));
         cells.push(Cell::number(floor.map_or("–".into(), |floor| format!("{:.1}", floor.time.median_ms))));
         Some(cells)
@@ -157,6 +158,7 @@ fn stages(page: &mut Page, bench: &Bench) {
         "refine",
         "upload",
         "draw",
+        "smooth",
         "frame",
         "raster floor",
     ];
