@@ -112,9 +112,9 @@ impl Job<'_> {
             direct.trace(&context, visible.ids, self.most_direct, traced_before.as_deref_mut());
         let direct_time = direct_started.elapsed();
         refiner.add_direct(direct_pixels.len() as u64);
-        let with = |pixels: &[TracedPixel], refiner: &Refiner| {
+        let with = |pixels: Vec<TracedPixel>, refiner: &Refiner| {
             let (faces, depth) = (refiner.pixel_faces.as_slice(), direct.depth);
-            self.assemble(refiner, &leaves::Traced { pixels, faces, direct: &direct_pixels, depth })
+            self.assemble(refiner, leaves::Traced { pixels, faces, direct: &direct_pixels, depth })
         };
         // When a step was seen, and how long it took to show.
         let mut seen: Option<(Instant, Duration)> = None;
@@ -132,7 +132,7 @@ impl Job<'_> {
             let Refiner { mesh, pixel_faces, .. } = refiner;
             let (pixels, rays) =
                 per_pixel::trace(&context, mesh, shown, pixel_faces, traced_before.as_deref_mut());
-            after_step(&with(&pixels, refiner), refiner, rays + direct_rays)?;
+            after_step(&with(pixels, refiner), refiner, rays + direct_rays)?;
             seen = Some((Instant::now(), started.elapsed()));
             Ok(())
         };
@@ -151,7 +151,7 @@ impl Job<'_> {
         stats.time_ms.trace = tracing.as_secs_f64() * 1e3 + pixels_ms;
 
         let time = Instant::now();
-        let leaves = with(&traced_pixels, &refiner);
+        let leaves = with(traced_pixels, &refiner);
         stats.time_ms.refine = refined - tracing.as_secs_f64() * 1e3 + ms(time);
 
         stats.samples = refiner.samples.sampled();
@@ -189,7 +189,7 @@ impl Job<'_> {
         Ok(Sampled { leaves, overlay, refined: ended, cost: refiner.cost() })
     }
 
-    fn assemble(&self, refiner: &Refiner, traced: &leaves::Traced) -> Drawn {
+    fn assemble(&self, refiner: &Refiner, traced: leaves::Traced) -> Drawn {
         let Refiner { mesh, samples, .. } = refiner;
         let Matcher { scene, targets, base_textures, .. } = self.matcher;
         match self.options.method.reconstruction {

@@ -46,7 +46,7 @@ struct Leaf<'a> {
 impl<'a> Blocks<'a> {
     /// Blocks of leaves of `mesh` whose pixels are `traced`, those of one leaf together.
     pub fn new(view: &'a View, mesh: &'a Mesh, traced: &'a [TracedPixel]) -> Self {
-        let around = around(view, traced.iter().map(|pixel| pixel.index));
+        let around = around(view, traced.iter().map(|pixel| pixel.index)).unwrap_or_default();
         let by_pixel = vec![NONE; around[0].len() * around[1].len()];
         let mut by_face = FxHashMap::default();
         let mut start = 0;
@@ -133,13 +133,8 @@ impl<'a> Blocks<'a> {
     }
 }
 
-/// One block over the rectangle around `pixels`, and that rectangle: columns, then rows. What it does not hold of it
-/// is not drawn.
-pub fn picture(view: &View, pixels: &[DirectPixel]) -> Option<([Range<u32>; 2], Vec<Texel>)> {
-    let [columns, rows] = around(view, pixels.iter().map(|pixel| pixel.index));
-    if columns.is_empty() {
-        return None;
-    }
+/// One block over the rectangle, columns and rows, that is [`around`] `pixels`. What it does not hold of it is not drawn.
+pub fn picture(view: &View, [columns, rows]: [Range<u32>; 2], pixels: &[DirectPixel]) -> Vec<Texel> {
     let mut texels = vec![Texel::default(); 1 + (columns.len() * rows.len()).div_ceil(2)];
     texels[0] = [columns.start, rows.start, columns.len() as u32, rows.len() as u32];
     for pixel in pixels {
@@ -147,17 +142,17 @@ pub fn picture(view: &View, pixels: &[DirectPixel]) -> Option<([Range<u32>; 2], 
         let cell = (y - rows.start) as usize * columns.len() + (x - columns.start) as usize;
         put(&mut texels[1..], cell, pixel.radiance);
     }
-    Some(([columns, rows], texels))
+    texels
 }
 
-/// The rectangle around pixels: columns, then rows.
-fn around(view: &View, pixels: impl Iterator<Item = u32>) -> [Range<u32>; 2] {
+/// The rectangle around pixels: columns, then rows; `None` without any.
+pub fn around(view: &View, pixels: impl Iterator<Item = u32>) -> Option<[Range<u32>; 2]> {
     let (mut low, mut high) = ([u32::MAX; 2], [0; 2]);
     for index in pixels {
         let at = [index % view.width, index / view.width];
         (low, high) = ([0, 1].map(|i| low[i].min(at[i])), [0, 1].map(|i| high[i].max(at[i] + 1)));
     }
-    [0, 1].map(|i| low[i]..high[i])
+    (high[0] > 0).then(|| [0, 1].map(|i| low[i]..high[i]))
 }
 
 /// Writes a cell of a block.

@@ -13,14 +13,18 @@ pub enum Drawn {
 }
 
 impl Drawn {
-    /// Vertices, leaf records and node table as the shaders read them.
-    pub fn buffers(&self) -> [&[u8]; 3] {
+    /// Vertices, leaf records and node table as the shaders read them, each in parts that follow one another.
+    pub fn buffers(&self) -> [Vec<&[u8]>; 3] {
         use bytemuck::cast_slice;
         match self {
-            Self::Exact(leaves) => {
-                [cast_slice(&leaves.vertices), cast_slice(&leaves.leaves), cast_slice(&leaves.nodes)]
+            Self::Exact(leaves) => [
+                vec![cast_slice(&leaves.vertices)],
+                vec![cast_slice(&leaves.leaves)],
+                leaves.nodes.iter().map(|part| cast_slice(part)).collect(),
+            ],
+            Self::Paper(leaves) => {
+                [vec![cast_slice(&leaves.vertices)], vec![cast_slice(&leaves.leaves)], Vec::new()]
             }
-            Self::Paper(leaves) => [cast_slice(&leaves.vertices), cast_slice(&leaves.leaves), &[]],
         }
     }
 

@@ -85,8 +85,8 @@ pub struct Leaves {
     pub leaves: Vec<GpuLeaf>,
     /// The groups in the order of `leaves`, with the number of leaves of each.
     pub groups: Vec<(Group, u32)>,
-    /// Nodes and traced pixels.
-    pub nodes: Vec<Texel>,
+    /// Nodes and traced pixels, in parts that follow one another.
+    pub nodes: Vec<Vec<Texel>>,
     /// Leaves of specular objects all of whose paths are shared.
     pub defined: u32,
     /// Other leaves of specular objects.
@@ -113,10 +113,10 @@ impl Leaves {
 }
 
 /// Pixels that were traced one by one.
-#[derive(Debug, Clone, Copy)]
+#[derive(Debug)]
 pub struct Traced<'a> {
     /// Those of leaves.
-    pub pixels: &'a [TracedPixel],
+    pub pixels: Vec<TracedPixel>,
     /// These leaves.
     pub faces: &'a [u32],
     /// Those of faces beside the mesh.
@@ -133,11 +133,11 @@ pub fn assemble(
     view: &View,
     mesh: &Mesh,
     samples: &Samples,
-    traced: &Traced,
+    traced: Traced,
 ) -> Leaves {
-    let &Traced { pixels, faces: pixel_faces, direct, depth } = traced;
-    let picture = blocks::picture(view, direct);
-    let corners = picture.as_ref().map_or([Vec3::ZERO; 4], |([columns, rows], _)| {
+    let Traced { pixels, faces: pixel_faces, direct, depth } = traced;
+    let picture = blocks::around(view, direct.iter().map(|pixel| pixel.index));
+    let corners = picture.as_ref().map_or([Vec3::ZERO; 4], |[columns, rows]| {
         let corner = |x: u32, y: u32| view.at_depth(Vec2::new(x as f32, y as f32), depth);
         let (left, right) = (columns.start, columns.end);
         [(left, rows.start), (right, rows.start), (right, rows.end), (left, rows.end)]
@@ -164,7 +164,7 @@ pub fn assemble(
         samples,
         borders: Borders::find(matcher.targets, mesh, samples, &faces),
         frustum: Frustum::new(&view.clip_from_eye_relative(), view.eye),
-        blocks: Blocks::new(view, mesh, pixels),
+        blocks: Blocks::new(view, mesh, &pixels),
     };
     let pieces: Vec<Piece> = faces
         .par_chunks(CHUNK)
@@ -173,11 +173,15 @@ pub fn assemble(
             for &face in faces {
                 stage.append(face, is_traced[face as usize], &mut piece);
             }
+            piece.texels.shrink_to_fit();
             piece
         })
         .collect();
+    // Both are large, and what follows is, too.
+    drop(stage);
+    drop(pixels);
 
-    let mut result = Leaves { vertices, nodes: joined(&pieces), ..Leaves::default() };
+    let mut result = Leaves { vertices, ..Leaves::default() };
     let mut groups: BTreeMap<Group, Vec<GpuLeaf>> = BTreeMap::new();
     let mut first = 0;
     for piece in pieces {
@@ -185,14 +189,15 @@ pub fn assemble(
             groups.entry(group).or_default().push(GpuLeaf { nodes: leaf.nodes + first, ..leaf });
         }
         first += piece.texels.len() as u32;
+        result.nodes.push(piece.texels);
         result.defined += piece.defined;
         result.undefined += piece.undefined;
         result.overflow += piece.overflow;
         result.combined = [0, 1].map(|branch| result.combined[branch] || piece.combined[branch]);
     }
-    if let Some((_, texels)) = picture {
-        let nodes = result.nodes.len() as u32;
-        result.nodes.extend(texels);
+    if let Some(around) = picture {
+        let nodes = first;
+        result.nodes.push(blocks::picture(view, around, direct));
         let halves = [[0, 1, 2], [0, 2, 3]].map(|corners| corners.map(|corner| count as u32 + corner));
         let leaf = |vertices| GpuLeaf { vertices, flags: LEAF_TRACED, nodes, ..GpuLeaf::zeroed() };
         groups.entry(Group::traced(true)).or_default().extend(halves.map(leaf));
@@ -214,20 +219,6 @@ struct Piece {
     undefined: u32,
     overflow: u64,
     combined: [bool; 2],
-}
-
-/// The texels of all pieces, one after the other.
-fn joined(pieces: &[Piece]) -> Vec<Texel> {
-    let mut all = vec![Texel::zeroed(); pieces.iter().map(|piece| piece.texels.len()).sum()];
-    let mut rest = all.as_mut_slice();
-    let mut parts = Vec::with_capacity(pieces.len());
-    for piece in pieces {
-        let (part, others) = rest.split_at_mut(piece.texels.len());
-        parts.push((part, piece));
-        rest = others;
-    }
-    parts.into_par_iter().for_each(|(part, piece)| part.copy_from_slice(&piece.texels));
-    all
 }
 
 /// What assembling a leaf takes.

@@ -124,8 +124,12 @@ impl Painter {
                 ("environment", Resource::Textures(&[bank.environment()])),
             ],
         )?;
-        let base_buffers = [bytemuck::cast_slice(&base.vertices), bytemuck::cast_slice(&base.leaves), &[]];
-        let base_list = LeafList::new(gpu, &layouts[1], "base", &mut uploads, base_buffers)?;
+        let base_buffers = [
+            vec![bytemuck::cast_slice(&base.vertices)],
+            vec![bytemuck::cast_slice(&base.leaves)],
+            Vec::new(),
+        ];
+        let base_list = LeafList::new(gpu, &layouts[1], "base", &mut uploads, &base_buffers)?;
         uploads.flush()?;
         let depth_reset = options.single_pass.then(|| base_image::depth_reset(gpu)).transpose()?;
         Ok(Self {
@@ -166,7 +170,7 @@ impl Painter {
     /// No device memory left; a lost device.
     pub fn upload(&mut self, leaves: &Drawn) -> Result<()> {
         let (gpu, layout) = (&self.gpu, &self.layouts[1]);
-        let buffers = leaves.buffers();
+        let buffers = &leaves.buffers();
         match &mut self.dynamic {
             Some(list) if list.fits(buffers) => list.write(&mut self.uploads, buffers)?,
             slot => {

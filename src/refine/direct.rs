@@ -24,6 +24,9 @@ const FEW_PIXELS: u32 = 8;
 /// Rows that one task traces, and columns that it traces together.
 const TILE: usize = 8;
 
+/// Tasks whose pixels are kept apart until all of them are done.
+const BATCH: usize = 64;
+
 /// Share of the way from the eye to the nearest of these faces at which their picture is drawn: before all that they hide.
 const BEFORE: f32 = 0.5;
 
@@ -124,13 +127,15 @@ impl Direct {
         let known = store.as_deref();
         let stride = self.pixels.div_ceil(most).max(1) as usize;
         let rows: Vec<u32> = (0..context.view.height).step_by(stride).collect();
-        let bands: Vec<(Vec<DirectPixel>, Rays)> =
-            rows.par_chunks(TILE).map(|rows| self.trace_band(context, ids, rows, known)).collect();
         let mut total = Rays::default();
-        let mut all = Vec::with_capacity(bands.iter().map(|(pixels, _)| pixels.len()).sum());
-        for (pixels, rays) in bands {
-            total += rays;
-            all.extend(pixels);
+        let mut all = Vec::with_capacity((self.pixels / stride as u64) as usize);
+        // A batch after the other, so that not all pixels are there twice.
+        for rows in rows.chunks(TILE * BATCH) {
+            let bands = rows.par_chunks(TILE).map(|rows| self.trace_band(context, ids, rows, known));
+            for (pixels, rays) in bands.collect::<Vec<_>>() {
+                total += rays;
+                all.extend(pixels);
+            }
         }
         if let Some(store) = store {
             for &DirectPixel { index, base, radiance } in &all {

@@ -14,6 +14,9 @@ use crate::trace::{Hit, Rays};
 /// Leaves whose pixels one task traces.
 const CHUNK: usize = 16;
 
+/// Tasks whose pixels are kept apart until all of them are done.
+const BATCH: usize = 256;
+
 /// Side of the squares of pixels whose leaves are traced one after another: their rays take similar ways.
 const TILE: u32 = 16;
 
@@ -53,22 +56,23 @@ pub fn trace(
         let Footprint { columns, rows, .. } = Footprint::new(mesh, context.view, face);
         (rows.start / TILE, columns.start / TILE, face)
     });
-    let chunks: Vec<(Vec<TracedPixel>, Rays)> = faces
-        .par_chunks(CHUNK)
-        .map(|faces| {
+    let mut all = Vec::new();
+    let mut total = Rays::default();
+    // A batch after the other, so that not all pixels are there twice.
+    for batch in faces.chunks(CHUNK * BATCH) {
+        let chunks = batch.par_chunks(CHUNK).map(|faces| {
             let mut chunk = Chunk::new(context);
             for &face in faces {
                 pass.trace_face(face, &mut chunk);
             }
             (chunk.pixels, chunk.primary + chunk.points.rays())
-        })
-        .collect();
-    let mut all = Vec::with_capacity(chunks.iter().map(|(pixels, _)| pixels.len()).sum());
-    let mut total = Rays::default();
-    for (pixels, rays) in chunks {
-        all.extend(pixels);
-        total += rays;
+        });
+        for (pixels, rays) in chunks.collect::<Vec<_>>() {
+            all.extend(pixels);
+            total += rays;
+        }
     }
+    all.shrink_to_fit();
     if let Some(store) = store {
         for pixel in &all {
             store.insert(pixel.index, pixel.base, pixel.radiance);

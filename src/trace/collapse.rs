@@ -30,6 +30,8 @@ impl Bvh4 {
                 wide.nodes[target].set(lane, binary.nodes[source].aabb(), child);
             }
         }
+        wide.nodes.shrink_to_fit();
+        wide.quads.shrink_to_fit();
         wide
     }
 }

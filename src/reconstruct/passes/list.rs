@@ -17,18 +17,18 @@ pub(super) struct LeafList {
 }
 
 impl LeafList {
-    /// `data`: vertices, leaf records, node table.
+    /// `data`: vertices, leaf records, node table, each in parts that follow one another.
     pub(super) fn new(
         gpu: &Arc<Gpu>,
         layout: &SetLayout,
         name: &str,
         uploads: &mut Uploads,
-        data: [&[u8]; 3],
+        data: &[Vec<&[u8]>; 3],
     ) -> Result<Self> {
-        let make = |what: &str, data: &[u8]| {
-            DeviceBuffer::new(gpu, &format!("{name} {what}"), list_bytes(data.len() as u64))
+        let make = |what: &str, parts: &[&[u8]]| {
+            DeviceBuffer::new(gpu, &format!("{name} {what}"), list_bytes(bytes(parts)))
         };
-        let buffers = [make("vertices", data[0])?, make("records", data[1])?, make("nodes", data[2])?];
+        let buffers = [make("vertices", &data[0])?, make("records", &data[1])?, make("nodes", &data[2])?];
         let set = layout.set(
             name,
             &[
@@ -42,12 +42,22 @@ impl LeafList {
         Ok(list)
     }
 
-    pub(super) fn fits(&self, data: [&[u8]; 3]) -> bool {
-        self.buffers.iter().zip(data).all(|(buffer, data)| buffer.size() >= data.len() as u64)
+    pub(super) fn fits(&self, data: &[Vec<&[u8]>; 3]) -> bool {
+        self.buffers.iter().zip(data).all(|(buffer, parts)| buffer.size() >= bytes(parts))
     }
 
-    pub(super) fn write(&self, uploads: &mut Uploads, data: [&[u8]; 3]) -> Result<()> {
-        let mut parts = self.buffers.iter().zip(data).filter(|(_, data)| !data.is_empty());
-        parts.try_for_each(|(buffer, data)| uploads.write(buffer, 0, data))
+    pub(super) fn write(&self, uploads: &mut Uploads, data: &[Vec<&[u8]>; 3]) -> Result<()> {
+        for (buffer, parts) in self.buffers.iter().zip(data) {
+            let mut offset = 0;
+            for part in parts.iter().filter(|part| !part.is_empty()) {
+                uploads.write(buffer, offset, part)?;
+                offset += part.len() as u64;
+            }
+        }
+        Ok(())
     }
+}
+
+fn bytes(parts: &[&[u8]]) -> u64 {
+    parts.iter().map(|part| part.len() as u64).sum()
 }
