@@ -30,6 +30,14 @@ const SEEN: f32 = 0.1;
 /// which the face is trusted for what its corners say: what a more curved one reflects may pass over anything between them.
 const CURVED: f32 = 0.12;
 
+/// Share of that angle at which the smallest halves of a face are expected to turn for it to be hopeless: its pixels are
+/// traced at once, for they would be in the end, and its halves take longer to sample than a few pixels more to trace.
+const HOPELESS: f32 = 0.7;
+
+/// Longest edge of such a face, as a share of the largest at which samples are trusted for what is between them: the bisection
+/// of larger ones lets their neighbours be looked into.
+const HOPELESS_SHARE: f32 = 0.25;
+
 /// Share of a path's squared contribution that is expected to be wrong where something enters its shaft: unlike
 /// exploration it does not fade, since what stands there does not go away.
 const GUARDED: f32 = 0.05;
@@ -77,6 +85,8 @@ pub(super) struct State {
     pub size: f32,
     /// Whether its samples say too little of it, unless its pixels are traced.
     pub blind: bool,
+    /// Whether it is not large, and so much too curved that its smallest halves would be, too.
+    pub hopeless: bool,
     /// Whether its pixels are traced one by one.
     pub traced: bool,
 }
@@ -119,8 +129,14 @@ impl Refiner<'_> {
                     whole,
                     size,
                     blind: self.is_mapped(face)
-                        || self.is_curved(face, corners)
+                        || self.is_curved(face, corners, CURVED)
                         || self.is_large(size, corners),
+                    hopeless: size <= HOPELESS_SHARE * self.reach()
+                        && self.is_curved(
+                            face,
+                            corners,
+                            CURVED * (HOPELESS * size / self.stop_size(face)).max(1.0),
+                        ),
                     traced: false,
                 }
             })
@@ -227,11 +243,12 @@ impl Refiner<'_> {
         size * f32::from(bounces.max(FEW_BOUNCES)) > self.reach() * f32::from(FEW_BOUNCES)
     }
 
-    /// Whether the face is specular, and it or what it reflects turns so far that its pixels had better be traced.
-    fn is_curved(&self, face: u32, corners: [Corner; 3]) -> bool {
+    /// Whether the face is specular, and it or what it reflects turns by more than `angle`, so far that its pixels had better
+    /// be traced.
+    fn is_curved(&self, face: u32, corners: [Corner; 3], angle: f32) -> bool {
         self.predictor.reconstruction == Reconstruction::Exact
             && !self.is_receiver(face)
-            && (predict::curvature(corners) > CURVED || self.predictor.turns(corners, CURVED))
+            && (predict::curvature(corners) > angle || self.predictor.turns(corners, angle))
     }
 
     /// Whether a normal map bends what the face reflects.

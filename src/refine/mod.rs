@@ -319,7 +319,8 @@ impl<'a> Refiner<'a> {
             if !self.mesh.faces[face as usize].is_leaf() || self.state[face as usize].traced {
                 continue;
             }
-            if self.state[face as usize].size <= self.stop_size(face) {
+            let State { size, hopeless, .. } = self.state[face as usize];
+            if size <= self.stop_size(face) || hopeless && self.target.is_some() {
                 // The paper knows no traced pixels: its faces stop here as they are.
                 if self.predictor.reconstruction == Reconstruction::Exact {
                     let predicted = self.predicted[face as usize];
