@@ -327,7 +327,7 @@ fn an_interrupt_ends_long_work_cleanly() {
     interrupted(&place, &large, 2 * second);
     // What comes before there is anything to stop: a JSON of millions of values.
     let mut json = br#"{"asset":{"version":"2.0"},"extras":[0"#.to_vec();
-    json.extend(b",0".repeat(10_000_000));
+    json.extend(b",0".repeat(30_000_000));
     json.extend(b"]}");
     fs::write(place.path("large.gltf"), json).unwrap();
     interrupted(&place, &["render", "large.gltf", "-o", "out.png"], second / 10);
