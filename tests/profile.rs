@@ -84,8 +84,9 @@ fn rows_follow_the_contract() {
 #[cfg(feature = "cli")]
 #[test]
 fn reading_and_scanning_take_little_more_than_a_copy() {
-    // Work beside it makes the minima of some turns miss; it does not keep any of them from being met for long.
-    const TRIES: usize = 6;
+    // Work beside it makes the minima of some turns miss; it does not keep any of them from being met for long. In the
+    // development profile it is so on one of eight turns where memory is fast.
+    const TRIES: usize = 40;
     let folder = tempfile::tempdir().unwrap();
     let cup = folder.path().join("cup.glb");
     std::fs::write(&cup, Demo::Cup.glb()).unwrap();
