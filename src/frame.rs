@@ -266,12 +266,12 @@ impl<'s> Renderer<'s> {
     /// # Errors
     /// No device memory left; a lost device; whatever `after_step` returns.
     pub fn render_steps(&mut self, view: &View, after_step: Option<Observer>) -> Result<Frame> {
-        let Undelivered { mean, overlay, stats } = self.draw(view, after_step)?;
-        let image = mean.map_or_else(|| self.painted.painter.read_image(), Ok)?;
+        let Undelivered { image, overlay, stats } = self.draw(view, after_step)?;
+        let image = image.map_or_else(|| self.painted.painter.read_image(), Ok)?;
         Ok(Frame { image: overlaid(image, overlay), stats })
     }
 
-    /// Draws one frame; its image stays with the painter, unless it is a mean of several.
+    /// Draws one frame; its image stays with the painter, unless the host had a part in it.
     fn draw(&mut self, view: &View, mut after_step: Option<Observer>) -> Result<Undelivered> {
         let started = Instant::now();
         let mut stats = self.blank_stats(view);
@@ -345,13 +345,13 @@ impl<'s> Renderer<'s> {
         stats.left_out.extend(nothing);
         let shaded = self.options.method.ss.samples();
         let shaded = if self.warming_up { shaded.min(4) } else { shaded };
-        let (drawings, mut mean) = supersample::draw(painter, &block, leaves.as_ref(), &passes, shaded)?;
+        let (drawings, mut image) = supersample::draw(painter, &block, leaves.as_ref(), &passes, shaded)?;
         stats.time_ms.draw = ms(time);
         if self.plan.smooths && !self.warming_up && self.options.show.is_none() {
             let time = Instant::now();
-            let mut image = mean.take().map_or_else(|| painter.read_image(), Ok)?;
-            let rays = self.smooth(view, &mut image)?.total();
-            mean = Some(image);
+            let mut drawn = image.take().map_or_else(|| painter.read_image(), Ok)?;
+            let rays = self.smooth(view, &mut drawn)?.total();
+            image = Some(drawn);
             stats.rays.pixel += rays;
             stats.rays.total += rays;
             stats.time_ms.smooth = ms(time);
@@ -366,7 +366,7 @@ impl<'s> Renderer<'s> {
             })
             .collect();
         self.finished = (cost, refined.elapsed());
-        Ok(Undelivered { mean, overlay, stats })
+        Ok(Undelivered { image, overlay, stats })
     }
 
     /// Traces pixels of the finished picture again.

@@ -21,9 +21,10 @@ enum Delivery {
     Done(FloatImage),
 }
 
-/// A frame whose image is still on the device, unless it is the mean of several.
+/// A frame whose image is still on the device, unless the host had a part in it.
 pub(super) struct Undelivered {
-    pub mean: Option<FloatImage>,
+    /// The mean of several draws, or what was traced again.
+    pub image: Option<FloatImage>,
     pub overlay: Option<Overlay>,
     pub stats: Stats,
 }
@@ -35,8 +36,8 @@ impl Renderer<'_> {
     /// # Errors
     /// No device memory left; a lost device.
     pub fn render_ahead(&mut self, view: &View) -> Result<Ahead> {
-        let Undelivered { mean, overlay, stats } = self.draw(view, None)?;
-        let image = match mean {
+        let Undelivered { image, overlay, stats } = self.draw(view, None)?;
+        let image = match image {
             None => self.painted.painter.start_reading()?.map(Delivery::Pending),
             Some(image) => Some(Delivery::Done(image)),
         };
