@@ -9,13 +9,15 @@ use obvhs::{
     bvh2::{Bvh2, builder::build_bvh2},
 };
 
-#[cfg(target_arch = "x86_64")]
-use super::lanes;
 use super::{
+    finish::{Finish, finishes},
+    lanes,
     packet::{EntryPoints, Packet},
     quad::{Crossing, Probe},
+    real::{Real, Triple},
     surface::{self, Record},
     texel,
+    vector::{Isa, Numbers, Processor, WIDTH, get},
     wide::{BoxProbe, Bvh4, Node},
 };
 use crate::scene::{AlphaMode, Scene};
@@ -40,7 +42,6 @@ fn build_params(faces: usize) -> BvhBuildParams {
 const BOX_PADDING: f32 = 4.0 * f32::EPSILON;
 
 /// Rays below which tests side by side would mostly test nothing.
-#[cfg(target_arch = "x86_64")]
 const FEWEST_TOGETHER: usize = 4;
 
 /// The nearest surface along a ray.
@@ -56,6 +57,17 @@ pub struct Hit {
     pub v: f32,
 }
 
+/// Rays that are longest along the same axis, by index.
+#[derive(Clone, Copy)]
+struct Group {
+    rays: [u32; lanes::RAYS],
+    count: usize,
+}
+
+impl Group {
+    const EMPTY: Self = Self { rays: [0; lanes::RAYS], count: 0 };
+}
+
 /// A scene made ready for rays.
 ///
 /// Rays hit both sides of every face. Faces with a MASK material count where their alpha reaches the
@@ -67,6 +79,9 @@ pub struct Tracer<'s> {
     diagonal: f32,
     /// In the order of the scene's faces.
     records: Vec<Record>,
+    finishes: Vec<Finish>,
+    /// Where rays are looked at side by side.
+    processor: Option<Processor>,
 }
 
 /// What a [`Tracer`] builds of faces and materials, without the scene that they are of.
@@ -97,6 +112,8 @@ impl<'s> Tracer<'s> {
             masked,
             diagonal: (high - low).length(),
             records: surface::records(scene),
+            finishes: finishes(scene),
+            processor: Processor::all().first().copied(),
         }
     }
 
@@ -104,7 +121,8 @@ impl<'s> Tracer<'s> {
     /// may be others.
     pub fn with(scene: &'s Scene, hierarchy: Hierarchy) -> Self {
         let Hierarchy { bvh, masked, diagonal, records } = hierarchy;
-        Self { scene, bvh, masked, diagonal, records }
+        let processor = Processor::all().first().copied();
+        Self { scene, bvh, masked, diagonal, records, finishes: finishes(scene), processor }
     }
 
     /// What was built, for another tracer.
@@ -131,9 +149,25 @@ impl<'s> Tracer<'s> {
         }
     }
 
+    /// Looks at rays side by side as this processor would, or one by one.
+    #[cfg(test)]
+    pub(super) fn set_processor(&mut self, processor: Option<Processor>) {
+        self.processor = processor;
+    }
+
     #[inline]
     pub(super) fn record(&self, face: u32) -> &Record {
         &self.records[face as usize]
+    }
+
+    /// Where rays are looked at side by side.
+    pub(super) fn processor(&self) -> Option<Processor> {
+        self.processor
+    }
+
+    /// Those that [`finish_of`](super::finish::finish_of) tells.
+    pub(super) fn finishes(&self) -> &[Finish] {
+        &self.finishes
     }
 
     /// Makes `entries` the places where the rays of `packet` have to look.
@@ -166,51 +200,85 @@ impl<'s> Tracer<'s> {
         if entries.is_empty() {
             return;
         }
-        #[cfg(target_arch = "x86_64")]
         if !self.masked
             && rays.len() >= FEWEST_TOGETHER
-            && let Some(simd) = lanes::token()
+            && let Some(processor) = self.processor
         {
-            return self.closest_together(simd, entries, rays, hits);
+            return self.closest_together(processor, entries, rays, hits);
         }
         for (&(origin, direction), hit) in rays.iter().zip(hits) {
             *hit = self.closest_among(entries, origin, direction);
         }
     }
 
-    #[cfg(target_arch = "x86_64")]
     fn closest_together(
         &self,
-        simd: pulp::x86::V3,
+        processor: Processor,
         entries: &EntryPoints,
         rays: &[(Vec3, Vec3)],
         hits: &mut [Option<Hit>],
     ) {
-        let mut group = [(0, (Vec3::ZERO, Vec3::ZERO)); lanes::RAYS];
-        for axis in 0..3 {
-            let along = rays.iter().enumerate().filter(|(_, ray)| lanes::axes(ray.1)[2] == axis);
-            let mut along = along.map(|(index, &ray)| (index, ray));
-            loop {
-                let mut count = 0;
-                for (place, entry) in group.iter_mut().zip(along.by_ref()) {
-                    *place = entry;
-                    count += 1;
-                }
-                if count == 0 {
-                    break;
-                }
-                if count < FEWEST_TOGETHER {
-                    for &(index, (origin, direction)) in &group[..count] {
-                        hits[index] = self.closest_among(entries, origin, direction);
-                    }
-                    continue;
-                }
-                let some = group.map(|(_, ray)| ray);
-                lanes::closest(simd, &self.bvh, entries.nodes(), &some[..count], |ray, hit| {
-                    hits[group[ray].0] = hit
-                });
+        let mut groups = [Group::EMPTY; 3];
+        for (index, &(_, direction)) in rays.iter().enumerate() {
+            let group = &mut groups[lanes::axes(direction)[2]];
+            group.rays[group.count] = index as u32;
+            group.count += 1;
+            if group.count == lanes::RAYS {
+                self.closest_of_group(processor, entries, rays, std::mem::replace(group, Group::EMPTY), hits);
             }
         }
+        for group in groups {
+            self.closest_of_group(processor, entries, rays, group, hits);
+        }
+    }
+
+    fn closest_of_group(
+        &self,
+        processor: Processor,
+        entries: &EntryPoints,
+        rays: &[(Vec3, Vec3)],
+        group: Group,
+        hits: &mut [Option<Hit>],
+    ) {
+        let indices = &group.rays[..group.count];
+        if indices.len() < FEWEST_TOGETHER {
+            for &index in indices {
+                let (origin, direction) = rays[index as usize];
+                hits[index as usize] = self.closest_among(entries, origin, direction);
+            }
+            return;
+        }
+        let some = group.rays.map(|index| rays[index as usize]);
+        lanes::closest(processor, &self.bvh, entries.nodes(), &some[..indices.len()], |ray, hit| {
+            hits[indices[ray] as usize] = hit;
+        });
+    }
+
+    /// Which of the rays in `lanes`, a bit each, of the packet that `entries` are of, are [`occluded`](Self::occluded).
+    #[inline(always)]
+    pub(super) fn occluded_of_each<S: Isa>(
+        &self,
+        entries: &EntryPoints,
+        origin: Triple<Numbers<S>>,
+        direction: Triple<Numbers<S>>,
+        distance: Numbers<S>,
+        lanes: u16,
+    ) -> u16 {
+        if entries.is_empty() {
+            return 0;
+        }
+        if !self.masked && lanes.count_ones() as usize >= FEWEST_TOGETHER {
+            let end = distance * distance.all(1.0 - SHADOW_END);
+            return lanes::occluded(&self.bvh, entries.nodes(), origin, direction, end, lanes);
+        }
+        let (origins, directions, distances) = (origin.store(), direction.store(), distance.store());
+        let mut occluded = 0;
+        for lane in (0..WIDTH).filter(|lane| lanes >> lane & 1 == 1) {
+            let (origin, direction) = (get(&origins, lane), get(&directions, lane));
+            let is = self.occluded_below(entries.nodes(), origin, direction, distances[lane]);
+            occluded |= u16::from(is) << lane;
+        }
+        occluded
     }
 
     /// Whether anything lies between `origin` and the point `distance` (may be infinite) away along the
@@ -352,18 +420,21 @@ mod tests {
             builder.mesh("ball", shape::sphere(vec3(0.3, 0.2, -0.4), 0.5, 2), material);
             builder.camera(Camera::look_at(Vec3::Z, Vec3::ZERO, 0.8));
             let scene = builder.build().unwrap();
-            let tracer = Tracer::new(&scene);
+            let mut tracer = Tracer::new(&scene);
             let ray = |(origin, by): (Vec3, Vec3)| Some((origin * 0.5, (towards + by * turned).try_normalize()?));
             let rays: Vec<(Vec3, Vec3)> = rays.into_iter().filter_map(ray).collect();
             let mut packet = Packet::EMPTY;
             rays.iter().for_each(|&(origin, direction)| packet.add(origin, direction));
             let mut entries = EntryPoints::default();
             tracer.find_entries(&packet, &mut entries);
-            let mut together = Vec::new();
-            tracer.closest_of_each(&entries, &rays, &mut together);
             let alone: Vec<Option<Hit>> =
                 rays.iter().map(|&(origin, direction)| tracer.closest(origin, direction)).collect();
-            prop_assert_eq!(together, alone);
+            for processor in Processor::all() {
+                tracer.set_processor(Some(processor));
+                let mut together = Vec::new();
+                tracer.closest_of_each(&entries, &rays, &mut together);
+                prop_assert_eq!(&together, &alone, "{:?}", processor);
+            }
         }
     }
 }

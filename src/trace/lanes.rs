@@ -1,142 +1,178 @@
-//! Rays of a packet tested side by side, eight a vector, against one box or triangle at a time: where a processor has AVX2.
+//! Rays of a packet tested side by side, sixteen at a time, against one box or triangle after the other.
 //!
 //! They find what rays find that are traced one by one, to the bit: the same boxes and triangles are tested by the same
 //! operations, in another order.
 
 use glam::Vec3;
-use pulp::x86::V3;
-use pulp::{NullaryFnOnce, Simd, f32x8, m32x8, u32x8};
 
 use super::Hit;
 use super::packet::{Packet, PacketProbe};
 use super::quad::{LANES, Quad};
-use super::wide::{Bounds, Bvh4, Child, Node, invertible};
-
-/// Rays in a vector, and vectors that go through the tree together.
-const WIDTH: usize = 8;
-const VECTORS: usize = 2;
+use super::real::{Choice, Real, Triple};
+use super::vector::{Isa, Mask, Numbers, Processor, WIDTH, Work, get, put};
+use super::wide::{Bounds, Bvh4, Child, Node, SMALLEST_COMPONENT};
 
 /// Rays that go through the tree together.
-pub(super) const RAYS: usize = WIDTH * VECTORS;
+pub(super) const RAYS: usize = WIDTH;
 
 /// Boxes that wait before the heap is asked for more room.
 const INLINE_STACK: usize = 96;
 
-/// Whether this processor can.
-pub(super) fn token() -> Option<V3> {
-    V3::try_new()
-}
-
 /// The nearest hits below `entries` of up to [`RAYS`] rays that are longest along the same axis, origins and unit directions;
 /// every face counts.
 pub(super) fn closest(
-    simd: V3,
+    processor: Processor,
     tree: &Bvh4,
     entries: &[Node],
     rays: &[(Vec3, Vec3)],
     found: impl FnMut(usize, Option<Hit>),
 ) {
-    simd.vectorize(Search { simd, tree, entries, rays, found });
+    processor.run(Search { tree, entries, rays, found });
 }
 
 struct Search<'a, F> {
-    simd: V3,
     tree: &'a Bvh4,
     entries: &'a [Node],
     rays: &'a [(Vec3, Vec3)],
     found: F,
 }
 
-impl<F: FnMut(usize, Option<Hit>)> NullaryFnOnce for Search<'_, F> {
-    type Output = ();
-
+impl<F: FnMut(usize, Option<Hit>)> Work for Search<'_, F> {
     #[inline(always)]
-    fn call(mut self) {
-        let mut lanes = Lanes::new(self.simd, self.rays);
-        let mut packet = Packet::EMPTY;
-        for &(origin, direction) in self.rays {
-            packet.add(origin, direction);
+    fn run<S: Isa>(mut self, simd: S) {
+        let (mut origins, mut directions) = ([[0.0; WIDTH]; 3], [[0.0; WIDTH]; 3]);
+        let mut ends = [f32::INFINITY; WIDTH];
+        // Lanes without a ray have the first one's, so that they do not make the packet wider.
+        for (lane, end) in ends.iter_mut().enumerate() {
+            let (origin, direction) = *self.rays.get(lane).unwrap_or(&self.rays[0]);
+            put(&mut origins, lane, origin);
+            put(&mut directions, lane, direction);
+            if lane >= self.rays.len() {
+                *end = NOWHERE;
+            }
         }
-        lanes.traverse(self.tree, self.entries, &PacketProbe::new(&packet));
+        let origin = Triple::load(simd, &origins);
+        let direction = Triple::load(simd, &directions);
+        let mut lanes = Lanes::new(origin, direction, Numbers::load(simd, &ends), axes(self.rays[0].1));
+        lanes.traverse::<false>(self.tree, self.entries, f32::INFINITY);
         lanes.hits(self.rays.len(), &mut self.found);
     }
 }
 
-/// One number a ray.
-type Numbers = [f32x8; VECTORS];
-
-/// Rays, and the nearest that they have met.
-struct Lanes {
-    simd: V3,
-    /// Vectors that have rays.
-    vectors: usize,
-    origin: [Numbers; 3],
-    inverse: [Numbers; 3],
-    /// As [`Probe`](super::quad::Probe) has it.
-    axes: [usize; 3],
-    shear: [Numbers; 2],
-    scale: Numbers,
-    /// Below 0 for a lane without a ray, which meets nothing.
-    end: Numbers,
-    /// The farthest of the ends.
-    farthest: f32,
-    face: [u32x8; VECTORS],
-    u: Numbers,
-    v: Numbers,
+/// Which of the rays in `lanes`, a bit each, meet a face below `entries` before they end; every face counts.
+#[inline(always)]
+pub(super) fn occluded<S: Isa>(
+    tree: &Bvh4,
+    entries: &[Node],
+    origin: Triple<Numbers<S>>,
+    direction: Triple<Numbers<S>>,
+    end: Numbers<S>,
+    lanes: u16,
+) -> u16 {
+    let (origins, directions) = (origin.store(), direction.store());
+    let size = [direction.x.abs(), direction.y.abs(), direction.z.abs()];
+    // As `axes` has it.
+    let z = size[0].le(size[2]).bits() & size[1].le(size[2]).bits();
+    let y = size[0].le(size[1]).bits() & !z;
+    let mut occluded = 0;
+    for (group, axes) in [(z, AXES[0]), (y, AXES[1]), (!z & !y, AXES[2])] {
+        let group = group & lanes;
+        if group == 0 {
+            continue;
+        }
+        let first = group.trailing_zeros() as usize % WIDTH;
+        let mine = Mask::from_bits(end.simd(), group);
+        let [from, towards] = [get(&origins, first), get(&directions, first)];
+        let origin = origin.where_else(mine, Triple::all(end, from));
+        let direction = direction.where_else(mine, Triple::all(end, towards));
+        let end = mine.select(end, end.all(NOWHERE));
+        let mut rays = Lanes::new(origin, direction, end, axes);
+        rays.traverse::<true>(tree, entries, end.greatest());
+        occluded |= group & rays.end.lt(end.all(0.0)).bits();
+    }
+    occluded
 }
 
-/// Which coordinate axes become the first, second and third of a ray's sheared space: the direction is longest in the third.
+/// The end of a lane without a ray, which meets nothing.
+const NOWHERE: f32 = -1.0;
+
+/// Rays, and the nearest that they have met.
+struct Lanes<S: Isa> {
+    simd: S,
+    origin: [Numbers<S>; 3],
+    direction: [Numbers<S>; 3],
+    inverse: [Numbers<S>; 3],
+    /// As [`Probe`](super::quad::Probe) has it.
+    axes: [usize; 3],
+    shear: [Numbers<S>; 2],
+    scale: Numbers<S>,
+    /// Below 0 for a lane without a ray, or whose ray needs to meet nothing more.
+    end: Numbers<S>,
+    /// The farthest of the ends.
+    farthest: f32,
+    face: S::u32s,
+    u: Numbers<S>,
+    v: Numbers<S>,
+}
+
+/// Which coordinate axes become the first, second and third of a ray's sheared space, where the direction is longest in the
+/// last of them.
+const AXES: [[usize; 3]; 3] = [[0, 1, 2], [2, 0, 1], [1, 2, 0]];
+
+/// Those of a ray of this direction.
 #[inline(always)]
 pub(super) fn axes(direction: Vec3) -> [usize; 3] {
     let size = direction.abs();
     if size.z >= size.x && size.z >= size.y {
-        [0, 1, 2]
+        AXES[0]
     } else if size.y >= size.x {
-        [2, 0, 1]
+        AXES[1]
     } else {
-        [1, 2, 0]
+        AXES[2]
     }
 }
 
-impl Lanes {
-    /// Functions that take closures are avoided: they would be compiled without AVX2, and all they call be calls.
+impl<S: Isa> Lanes<S> {
     #[inline(always)]
-    fn new(simd: V3, rays: &[(Vec3, Vec3)]) -> Self {
-        let axes = axes(rays[0].1);
+    fn new(
+        origin: Triple<Numbers<S>>,
+        direction: Triple<Numbers<S>>,
+        end: Numbers<S>,
+        axes: [usize; 3],
+    ) -> Self {
+        let simd = end.simd();
         let [kx, ky, kz] = axes;
-        let (mut origins, mut inverses) = ([[0.0_f32; RAYS]; 3], [[0.0_f32; RAYS]; 3]);
-        let (mut shears, mut scales) = ([[0.0_f32; RAYS]; 2], [0.0_f32; RAYS]);
-        let mut ends = [-1.0_f32; RAYS];
-        for (lane, &(origin, direction)) in rays.iter().enumerate().take(RAYS) {
-            let inverse = invertible(direction).recip();
-            for axis in 0..3 {
-                origins[axis][lane] = origin[axis];
-                inverses[axis][lane] = inverse[axis];
-            }
-            scales[lane] = direction[kz].recip();
-            shears[0][lane] = direction[kx] * scales[lane];
-            shears[1][lane] = direction[ky] * scales[lane];
-            ends[lane] = f32::INFINITY;
-        }
+        let direction = [direction.x, direction.y, direction.z];
+        let one = end.all(1.0);
+        let scale = one / direction[kz];
         Self {
             simd,
-            vectors: rays.len().div_ceil(WIDTH).min(VECTORS),
-            origin: pulp::cast(origins),
-            inverse: pulp::cast(inverses),
+            origin: [origin.x, origin.y, origin.z],
+            direction,
+            inverse: [inverse(direction[0]), inverse(direction[1]), inverse(direction[2])],
             axes,
-            shear: pulp::cast(shears),
-            scale: pulp::cast(scales),
-            end: pulp::cast(ends),
+            shear: [direction[kx] * scale, direction[ky] * scale],
+            scale,
+            end,
             farthest: f32::INFINITY,
-            face: [simd.splat_u32x8(0); VECTORS],
-            u: [simd.splat_f32x8(0.0); VECTORS],
-            v: [simd.splat_f32x8(0.0); VECTORS],
+            face: simd.splat_u32s(0),
+            u: end.all(0.0),
+            v: end.all(0.0),
         }
     }
 
-    /// Looks below `entries`, from near to far as far as the packet as a whole tells.
+    /// Bounds of the rays, the longest of which ends at `end`.
     #[inline(always)]
-    fn traverse(&mut self, tree: &Bvh4, entries: &[Node], probe: &PacketProbe) {
+    fn packet(&self, end: f32) -> Packet {
+        Packet { origins: bounds(self.origin), directions: bounds(self.direction), end, rays: WIDTH as u32 }
+    }
+
+    /// Looks below `entries`, from near to far as far as the packet as a whole tells; for `ANY` face or for the nearest. The
+    /// longest ray ends at `end`.
+    #[inline(always)]
+    fn traverse<const ANY: bool>(&mut self, tree: &Bvh4, entries: &[Node], end: f32) {
+        let probe = PacketProbe::new(&self.packet(end));
+        self.farthest = end;
         let mut stack = Stack::new();
         for entry in entries {
             let mut node = entry;
@@ -167,7 +203,7 @@ impl Lanes {
                         continue;
                     }
                     if child.is_quad() {
-                        self.meet(&tree.quads[child.index()]);
+                        self.meet::<ANY>(&tree.quads[child.index()]);
                     } else {
                         node = tree.node(child);
                         break;
@@ -177,117 +213,114 @@ impl Lanes {
         }
     }
 
-    #[inline(always)]
-    fn any(&self, lanes: m32x8) -> bool {
-        self.simd.avx._mm256_movemask_ps(pulp::cast(lanes)) != 0
-    }
-
     /// Whether any ray enters one of the four boxes before its end.
     #[inline(always)]
     fn enters(&self, bounds: &Bounds, lane: usize) -> bool {
-        let simd = self.simd;
-        for vector in 0..self.vectors {
-            let mut near = simd.splat_f32x8(0.0);
-            let mut far = self.end[vector];
-            for (axis, [low, high]) in bounds.iter().enumerate() {
-                let inverse = self.inverse[axis][vector];
-                let a = simd.mul_f32s(self.offset(axis, vector, low[lane]), inverse);
-                let b = simd.mul_f32s(self.offset(axis, vector, high[lane]), inverse);
-                near = simd.max_f32s(near, simd.min_f32s(a, b));
-                far = simd.min_f32s(far, simd.max_f32s(a, b));
-            }
-            if self.any(simd.less_than_or_equal_f32s(near, far)) {
-                return true;
-            }
+        let mut near = Numbers::splat(self.simd, 0.0);
+        let mut far = self.end;
+        for (axis, [low, high]) in bounds.iter().enumerate() {
+            let a = self.offset(axis, low[lane]) * self.inverse[axis];
+            let b = self.offset(axis, high[lane]) * self.inverse[axis];
+            near = near.max(a.min(b));
+            far = far.min(a.max(b));
         }
-        false
+        near.le(far).any()
     }
 
     /// How far `plane` lies beyond the origins along `axis`.
     #[inline(always)]
-    fn offset(&self, axis: usize, vector: usize, plane: f32) -> f32x8 {
-        self.simd.sub_f32s(self.simd.splat_f32x8(plane), self.origin[axis][vector])
+    fn offset(&self, axis: usize, plane: f32) -> Numbers<S> {
+        Numbers::splat(self.simd, plane) - self.origin[axis]
     }
 
     /// A corner's coordinate along `axis`, sheared as the `index`th; `z` is its third.
     #[inline(always)]
-    fn sheared(&self, (axis, index): (usize, usize), vector: usize, at: f32, z: f32x8) -> f32x8 {
-        self.simd.sub_f32s(self.offset(axis, vector, at), self.simd.mul_f32s(self.shear[index][vector], z))
-    }
-
-    /// x·y' − y·x'.
-    #[inline(always)]
-    fn edge(&self, [x, y]: [f32x8; 2], [u, v]: [f32x8; 2]) -> f32x8 {
-        self.simd.sub_f32s(self.simd.mul_f32s(x, v), self.simd.mul_f32s(y, u))
+    fn sheared(&self, (axis, index): (usize, usize), at: f32, z: Numbers<S>) -> Numbers<S> {
+        self.offset(axis, at) - self.shear[index] * z
     }
 
     /// Tests the triangles of a quad: see [`Quad::intersect`].
     #[inline(always)]
-    fn meet(&mut self, quad: &Quad) {
-        let simd = self.simd;
+    fn meet<const ANY: bool>(&mut self, quad: &Quad) {
         let mut met = false;
         for lane in 0..LANES {
             let Some((face, corners)) = quad.triangle(lane) else { break };
-            for vector in 0..self.vectors {
-                met |= self.meet_one(simd, face, &corners, vector);
-            }
+            met |= self.meet_one::<ANY>(face, &corners);
         }
         if met {
-            let mut farthest = -1.0_f32;
-            for end in pulp::cast::<Numbers, [f32; RAYS]>(self.end) {
-                farthest = farthest.max(end);
-            }
-            self.farthest = farthest;
+            self.farthest = self.end.greatest();
         }
     }
 
     #[inline(always)]
-    fn meet_one(&mut self, simd: V3, face: u32, corners: &[[f32; 3]; 3], vector: usize) -> bool {
+    fn meet_one<const ANY: bool>(&mut self, face: u32, corners: &[[f32; 3]; 3]) -> bool {
+        let simd = self.simd;
         let [kx, ky, kz] = self.axes;
         let (cx, cy, cz) = (&corners[kx], &corners[ky], &corners[kz]);
-        let z0 = self.offset(kz, vector, cz[0]);
-        let z1 = self.offset(kz, vector, cz[1]);
-        let z2 = self.offset(kz, vector, cz[2]);
-        let a = [self.sheared((kx, 0), vector, cx[0], z0), self.sheared((ky, 1), vector, cy[0], z0)];
-        let b = [self.sheared((kx, 0), vector, cx[1], z1), self.sheared((ky, 1), vector, cy[1], z1)];
-        let c = [self.sheared((kx, 0), vector, cx[2], z2), self.sheared((ky, 1), vector, cy[2], z2)];
-        let (e0, e1, e2) = (self.edge(a, b), self.edge(b, c), self.edge(c, a));
-        let zero = simd.splat_f32x8(0.0);
-        let below = simd.less_than_f32s(simd.min_f32s(simd.min_f32s(e0, e1), e2), zero);
-        let above = simd.greater_than_f32s(simd.max_f32s(simd.max_f32s(e0, e1), e2), zero);
-        let inside = simd.not_m32s(simd.and_m32s(below, above));
-        if !self.any(inside) {
+        let z0 = self.offset(kz, cz[0]);
+        let z1 = self.offset(kz, cz[1]);
+        let z2 = self.offset(kz, cz[2]);
+        let a = [self.sheared((kx, 0), cx[0], z0), self.sheared((ky, 1), cy[0], z0)];
+        let b = [self.sheared((kx, 0), cx[1], z1), self.sheared((ky, 1), cy[1], z1)];
+        let c = [self.sheared((kx, 0), cx[2], z2), self.sheared((ky, 1), cy[2], z2)];
+        let (e0, e1, e2) = (edge(a, b), edge(b, c), edge(c, a));
+        let zero = Numbers::splat(simd, 0.0);
+        let below = e0.min(e1).min(e2).lt(zero);
+        let above = zero.lt(e0.max(e1).max(e2));
+        let inside = !(below & above);
+        if !inside.any() {
             return false;
         }
-        let sum = simd.add_f32s(simd.add_f32s(e0, e1), e2);
-        let (w, u, v) = (simd.div_f32s(e1, sum), simd.div_f32s(e2, sum), simd.div_f32s(e0, sum));
-        let t = simd.add_f32s(simd.mul_f32s(w, z0), simd.mul_f32s(u, z1));
-        let t = simd.mul_f32s(simd.add_f32s(t, simd.mul_f32s(v, z2)), self.scale[vector]);
-        let (end, own) = (self.end[vector], simd.splat_u32x8(face));
+        let sum = e0 + e1 + e2;
+        let (w, u, v) = (e1 / sum, e2 / sum, e0 / sum);
+        let t = (w * z0 + u * z1 + v * z2) * self.scale;
+        if ANY {
+            let hit = inside & zero.lt(t) & t.lt(self.end);
+            self.end = hit.select(zero.all(NOWHERE), self.end);
+            return hit.any();
+        }
+        let own = simd.splat_u32s(face);
         // Of equally near faces the first, in whatever order they come.
-        let first = simd.and_m32s(simd.equal_f32s(t, end), simd.less_than_u32s(own, self.face[vector]));
-        let nearer = simd.or_m32s(simd.less_than_f32s(t, end), first);
-        let hit = simd.and_m32s(simd.and_m32s(inside, simd.greater_than_f32s(t, zero)), nearer);
-        if !self.any(hit) {
+        let first = t.equals(self.end) & Mask::new(simd, simd.less_than_u32s(own, self.face));
+        let hit = inside & zero.lt(t) & (t.lt(self.end) | first);
+        if !hit.any() {
             return false;
         }
-        self.end[vector] = simd.select_f32x8(hit, t, end);
-        self.u[vector] = simd.select_f32x8(hit, u, self.u[vector]);
-        self.v[vector] = simd.select_f32x8(hit, v, self.v[vector]);
-        self.face[vector] = simd.select_u32x8(hit, own, self.face[vector]);
+        self.end = hit.select(t, self.end);
+        self.u = hit.select(u, self.u);
+        self.v = hit.select(v, self.v);
+        self.face = hit.select_whole(own, self.face);
         true
     }
 
     #[inline(always)]
     fn hits(&self, rays: usize, found: &mut impl FnMut(usize, Option<Hit>)) {
-        let end: [f32; RAYS] = pulp::cast(self.end);
-        let (u, v): ([f32; RAYS], [f32; RAYS]) = (pulp::cast(self.u), pulp::cast(self.v));
-        let face: [u32; RAYS] = pulp::cast(self.face);
+        let (end, u, v) = (self.end.store(), self.u.store(), self.v.store());
+        let mut face = [0; RAYS];
+        S::as_mut_simd_u32s(&mut face).0[0] = self.face;
         for ray in 0..rays {
             let hit = Hit { face: face[ray], t: end[ray], u: u[ray], v: v[ray] };
             found(ray, (end[ray] < f32::INFINITY).then_some(hit));
         }
     }
+}
+
+/// As [`BoxProbe`](super::wide::BoxProbe) has it.
+#[inline(always)]
+fn inverse<S: Isa>(direction: Numbers<S>) -> Numbers<S> {
+    direction.all(1.0) / direction.abs().max(direction.all(SMALLEST_COMPONENT)).copysign(direction)
+}
+
+/// Least and greatest coordinates.
+#[inline(always)]
+fn bounds<S: Isa>([x, y, z]: [Numbers<S>; 3]) -> [Vec3; 2] {
+    [Vec3::new(x.least(), y.least(), z.least()), Vec3::new(x.greatest(), y.greatest(), z.greatest())]
+}
+
+/// x·y' − y·x'.
+#[inline(always)]
+fn edge<S: Isa>([x, y]: [Numbers<S>; 2], [u, v]: [Numbers<S>; 2]) -> Numbers<S> {
+    x * v - y * u
 }
 
 /// Boxes to come, each with the distance before which no ray enters it.

@@ -1,20 +1,24 @@
 //! Ray tracing on the CPU: the same closest hits, optics and shading serve the vertex sampler and the
 //! per-pixel reference.
 
+mod arrive;
 pub mod bvh;
 mod collapse;
 pub mod eye;
-#[cfg(target_arch = "x86_64")]
+mod finish;
 mod lanes;
+pub mod light;
 pub mod optics;
 mod packet;
 mod quad;
+pub mod real;
 pub mod reference;
 pub mod sample;
 pub mod shade;
 mod shaft;
 pub mod surface;
 pub mod texel;
+mod vector;
 pub mod wave;
 mod wide;
 
@@ -24,6 +28,7 @@ pub use crate::options::Shadows;
 use crate::options::{PathOptions, SceneOptions};
 
 pub use bvh::{Hierarchy, Hit, Tracer};
+use surface::Record;
 pub use surface::{Appearance, Surface};
 
 /// What decides over rays, for the vertex sampler and the reference alike (design §2).

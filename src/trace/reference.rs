@@ -154,7 +154,8 @@ impl Tile {
         tracer.closest_of_each(&self.entries, &self.rays, &mut self.found);
         self.hits.clear();
         self.hits.extend(self.rays.iter().zip(&self.found).map(|(&(_, direction), &hit)| (direction, hit)));
-        self.shafts.find(tracer, settings, 0, self.hits.iter());
+        let met = self.hits.iter().filter_map(|(direction, hit)| Some((direction, hit.as_ref()?)));
+        self.shafts.find(tracer, settings, 0, met);
     }
 }
 

@@ -4,9 +4,12 @@ use std::f32::consts::{FRAC_1_PI, TAU};
 
 use glam::Vec3;
 
-use super::{Appearance, Rays, Surface, Tracer, packet::EntryPoints, shaft::Shafts, texel};
+use super::light::Incident;
+use super::real::{Choice, Real, Triple};
+use super::shaft::Shafts;
+use super::{Appearance, Rays, Surface, Tracer, texel};
 use crate::constants::MAX_PHONG_EXPONENT;
-use crate::scene::{Background, Scene, light::Incident};
+use crate::scene::{Background, Scene};
 
 /// Lights whose visibility fits a mask; later lights shine through everything.
 pub const MASK_LIGHTS: usize = u32::BITS as usize;
@@ -40,9 +43,10 @@ pub fn visible_lights(tracer: &Tracer, surface: &Surface, appearance: &Appearanc
     if Lobes::of(appearance).is_none() {
         return lit;
     }
+    let mut asked = Asked { tracer, shafts: None, origin: surface.front(), rays };
     for (index, light) in tracer.scene().lights.iter().take(MASK_LIGHTS).enumerate() {
-        let incident = light.incident(surface.position);
-        if faces(surface, &incident) && hidden(tracer, None, surface, &incident, rays) {
+        let incident = light.incident(surface.position.into());
+        if incident.faces(surface.n.into()) && !asked.lit(index, &incident, true) {
             lit &= !(1 << index);
         }
     }
@@ -52,8 +56,7 @@ pub fn visible_lights(tracer: &Tracer, surface: &Surface, appearance: &Appearanc
 /// The local component at `surface` for a viewer that looks along the unit vector `direction`, under the
 /// lights in the mask `lit` (design §2, "Local component").
 pub fn local(scene: &Scene, surface: &Surface, appearance: &Appearance, direction: Vec3, lit: u32) -> Local {
-    let is_lit = |index: usize, _: &Incident| index >= MASK_LIGHTS || lit >> index & 1 == 1;
-    local_where(scene, surface, appearance, direction, is_lit)
+    local_at(scene, surface, appearance, direction, &mut { lit })
 }
 
 /// [`local`] under the lights that [`visible_lights`] would tell, asked on the way; among `shafts` that were found for
@@ -67,68 +70,131 @@ pub(super) fn local_shadowed(
     direction: Vec3,
     rays: &mut Rays,
 ) -> Local {
-    let is_lit = |index: usize, incident: &Incident| {
-        let entries = shafts.and_then(|shafts| shafts.to(index));
-        index >= MASK_LIGHTS || !hidden(tracer, entries, surface, incident, rays)
-    };
-    local_where(tracer.scene(), surface, appearance, direction, is_lit)
+    let mut asked = Asked { tracer, shafts, origin: surface.front(), rays };
+    local_at(tracer.scene(), surface, appearance, direction, &mut asked)
 }
 
 #[inline(always)]
-fn local_where(
+fn local_at(
     scene: &Scene,
     surface: &Surface,
     appearance: &Appearance,
     direction: Vec3,
-    mut is_lit: impl FnMut(usize, &Incident) -> bool,
+    lights: &mut impl Lights<f32>,
 ) -> Local {
-    if scene.materials[surface.material as usize].unlit {
-        return Local { textured: appearance.base, added: Vec3::ZERO };
-    }
-    // Of a specular object its reflections take the place of ambient light; a rough metal has nothing else.
-    let scattering =
-        if surface.vt { (1.0 - appearance.metallic) * (1.0 - appearance.transmission) } else { 1.0 };
-    let ambient = appearance.base * (scattering * scene.ambient);
-    let mut local = Local { textured: ambient, added: appearance.emission };
-    let Some(lobes) = Lobes::of(appearance) else { return local };
-    for (index, light) in scene.lights.iter().enumerate() {
-        let incident = light.incident(surface.position);
-        if !faces(surface, &incident) || !is_lit(index, &incident) {
-            continue;
-        }
-        let cos = incident.to_light.dot(surface.n);
-        let irradiance = incident.irradiance * cos;
-        local.textured += irradiance * lobes.diffuse * FRAC_1_PI;
-        if let Some(exponent) = lobes.exponent {
-            let mirrored = surface.n * (2.0 * cos) - incident.to_light;
-            let lobe = phong_lobe(exponent, -mirrored.dot(direction));
-            local.textured += irradiance * lobes.metal * lobe;
-            local.added += irradiance * lobes.dielectric * lobe;
-        }
-    }
-    local
+    let unlit = scene.materials[surface.material as usize].unlit;
+    let finish = Scattering::new(scene, appearance, surface.vt, unlit);
+    let [textured, added] =
+        finish.local(scene, surface.position.into(), surface.n.into(), direction.into(), lights);
+    Local { textured: textured.into(), added: added.into() }
 }
 
-/// Whether light arrives at the side of the surface that is seen.
-#[inline]
-fn faces(surface: &Surface, incident: &Incident) -> bool {
-    incident.to_light.dot(surface.n) > 0.0 && incident.irradiance.max_element() > 0.0
+/// Tells which lights are seen.
+pub(super) trait Lights<R: Real> {
+    /// Where the light of this index is seen, among places that face it.
+    fn lit(&mut self, index: usize, incident: &Incident<R>, facing: R::Choice) -> R::Choice;
 }
 
-#[inline]
-fn hidden(
-    tracer: &Tracer,
-    entries: Option<&EntryPoints>,
-    surface: &Surface,
-    incident: &Incident,
-    rays: &mut Rays,
-) -> bool {
-    rays.shadow += 1;
-    match entries {
-        Some(entries) => {
-            tracer.occluded_among(entries, surface.front(), incident.to_light, incident.distance)
+/// A mask: bit i stands for light i.
+impl Lights<f32> for u32 {
+    #[inline(always)]
+    fn lit(&mut self, index: usize, _: &Incident<f32>, _: bool) -> bool {
+        index >= MASK_LIGHTS || *self >> index & 1 == 1
+    }
+}
+
+/// Shadow rays from one place.
+struct Asked<'a> {
+    tracer: &'a Tracer<'a>,
+    shafts: Option<&'a Shafts>,
+    origin: Vec3,
+    rays: &'a mut Rays,
+}
+
+impl Lights<f32> for Asked<'_> {
+    #[inline(always)]
+    fn lit(&mut self, index: usize, incident: &Incident<f32>, _: bool) -> bool {
+        if index >= MASK_LIGHTS {
+            return true;
         }
-        None => tracer.occluded(surface.front(), incident.to_light, incident.distance),
+        self.rays.shadow += 1;
+        let (to_light, distance) = (incident.to_light.into(), incident.distance);
+        !match self.shafts.and_then(|shafts| shafts.to(index)) {
+            Some(entries) => self.tracer.occluded_among(entries, self.origin, to_light, distance),
+            None => self.tracer.occluded(self.origin, to_light, distance),
+        }
+    }
+}
+
+impl<R: Real> Incident<R> {
+    /// Whether it arrives at the side that the unit normal `n` points to.
+    #[inline(always)]
+    pub(super) fn faces(&self, n: Triple<R>) -> R::Choice {
+        let zero = n.x.all(0.0);
+        zero.lt(self.to_light.dot(n)) & zero.lt(self.irradiance.greatest())
+    }
+}
+
+/// What the local component of Eq. 1 is made of, but for place, light and the base colour's texture.
+pub(super) struct Scattering {
+    ambient: Vec3,
+    emission: Vec3,
+    lobes: Option<Lobes>,
+}
+
+impl Scattering {
+    /// Of a material, which may be `unlit`, on an object that may be VT.
+    #[inline(always)]
+    pub fn new(scene: &Scene, appearance: &Appearance, vt: bool, unlit: bool) -> Self {
+        if unlit {
+            return Self { ambient: appearance.base, emission: Vec3::ZERO, lobes: None };
+        }
+        // Of a specular object its reflections take the place of ambient light; a rough metal has nothing else.
+        let scattering = if vt { (1.0 - appearance.metallic) * (1.0 - appearance.transmission) } else { 1.0 };
+        Self {
+            ambient: appearance.base * (scattering * scene.ambient),
+            emission: appearance.emission,
+            lobes: Lobes::of(appearance),
+        }
+    }
+
+    /// As [`Local`] has it: what the base colour's texel multiplies, and what is added; at points with unit normals `n`,
+    /// for viewers that look along the unit vectors `direction`.
+    #[inline(always)]
+    pub fn local<R: Real>(
+        &self,
+        scene: &Scene,
+        position: Triple<R>,
+        n: Triple<R>,
+        direction: Triple<R>,
+        lights: &mut impl Lights<R>,
+    ) -> [Triple<R>; 2] {
+        let number = position.x;
+        let mut textured = Triple::all(number, self.ambient);
+        let mut added = Triple::all(number, self.emission);
+        let Some(lobes) = &self.lobes else { return [textured, added] };
+        for (index, light) in scene.lights.iter().enumerate() {
+            let incident = light.incident(position);
+            let facing = incident.faces(n);
+            if !facing.any() {
+                continue;
+            }
+            let lit = lights.lit(index, &incident, facing) & facing;
+            if !lit.any() {
+                continue;
+            }
+            let cos = incident.to_light.dot(n);
+            let irradiance = (incident.irradiance * cos).where_else(lit, Triple::all(number, Vec3::ZERO));
+            textured =
+                textured + irradiance.times(Triple::all(number, lobes.diffuse)) * number.all(FRAC_1_PI);
+            if let Some(exponent) = lobes.exponent {
+                let mirrored = n * (number.all(2.0) * cos) - incident.to_light;
+                let lobe = phong_lobe(exponent, -mirrored.dot(direction));
+                textured = textured + irradiance.times(Triple::all(number, lobes.metal)) * lobe;
+                added = added + irradiance.times(Triple::all(number, lobes.dielectric)) * lobe;
+            }
+        }
+        [textured, added]
     }
 }
 
@@ -176,6 +242,7 @@ fn phong_exponent(roughness: f32) -> f32 {
 }
 
 /// The normalised Phong lobe: its integral with the cosine is 1 at normal incidence.
-fn phong_lobe(exponent: f32, cos: f32) -> f32 {
-    (exponent + 2.0) / TAU * cos.max(0.0).powf(exponent)
+#[inline(always)]
+fn phong_lobe<R: Real>(exponent: f32, cos: R) -> R {
+    cos.all((exponent + 2.0) / TAU) * cos.power(exponent)
 }

@@ -19,12 +19,11 @@ impl Shafts {
         tracer: &Tracer,
         settings: &Settings,
         bounces: u32,
-        hits: impl Iterator<Item = &'h (Vec3, Option<Hit>)>,
+        hits: impl Iterator<Item = (&'h Vec3, &'h Hit)>,
     ) {
         let (mut low, mut high) = (Vec3::INFINITY, Vec3::NEG_INFINITY);
         let mut count = 0;
         for (direction, hit) in hits {
-            let Some(hit) = hit else { continue };
             let record = tracer.record(hit.face);
             if record.scatters && settings.shadows.apply(record.vt, bounces) {
                 let origin = record.front(hit.u, hit.v, *direction);

@@ -143,7 +143,25 @@ impl Record {
     /// arrives from.
     #[inline]
     pub fn front(&self, u: f32, v: f32, direction: Vec3) -> Vec3 {
-        self.positions.blend([1.0 - u - v, u, v]) + self.facing(direction) * self.offset
+        self.position(u, v) + self.facing(direction) * self.offset
+    }
+
+    /// The point with barycentric weights (1 − u − v, u, v).
+    #[inline(always)]
+    pub fn position(&self, u: f32, v: f32) -> Vec3 {
+        self.positions.blend([1.0 - u - v, u, v])
+    }
+
+    /// Shading normal there, of any length.
+    #[inline(always)]
+    pub fn normal(&self, u: f32, v: f32) -> Vec3 {
+        self.normals.blend([1.0 - u - v, u, v])
+    }
+
+    /// First texture coordinates there.
+    #[inline(always)]
+    pub fn uv(&self, u: f32, v: f32) -> Vec2 {
+        self.uvs.blend([1.0 - u - v, u, v])
     }
 
     /// Unit geometric normal on the side that the unit vector `direction` arrives from.
@@ -214,6 +232,21 @@ pub struct Appearance {
 }
 
 impl Appearance {
+    /// The values of `material` without textures and vertex colours.
+    pub(super) fn untextured(material: &Material) -> Self {
+        Self {
+            base: material.base_color.truncate(),
+            base_texel: Vec3::ONE,
+            alpha: material.base_color.w,
+            metallic: material.metallic,
+            roughness: material.roughness,
+            transmission: material.transmission,
+            specular: material.specular_color
+                * (material.specular * optics::normal_reflectance(material.ior)),
+            emission: material.emissive,
+        }
+    }
+
     /// The values of the surface's material at the surface.
     #[inline]
     pub fn new(scene: &Scene, surface: &Surface) -> Self {

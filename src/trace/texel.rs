@@ -1,11 +1,12 @@
 //! Texture and environment lookups: bilinear at level 0, decoded from sRGB before filtering.
 
 use std::f32::consts::{PI, TAU};
+use std::ops::{Add, Mul};
 use std::sync::LazyLock;
 
 use glam::{Vec2, Vec3, Vec4};
 
-use crate::scene::{Environment, Filter, Image, Scene, TextureSlot, Wrap};
+use crate::scene::{Environment, Filter, Image, Sampler, Scene, TextureSlot, Wrap};
 
 /// Value of every byte: as it is meant linearly, and decoded from sRGB (IEC 61966-2-1).
 struct Decoded {
@@ -27,45 +28,103 @@ static DECODED: LazyLock<Decoded> = LazyLock::new(|| Decoded {
 /// Filtered bilinearly between texel centres at level 0, or not at all where the sampler magnifies by the
 /// nearest texel.
 pub fn lookup(scene: &Scene, slot: &TextureSlot, uv: Vec2) -> Vec4 {
-    let texture = &scene.textures[slot.texture as usize];
-    let image = &scene.images[texture.image as usize];
-    let sampler = &texture.sampler;
-    let uv = slot.transform(uv);
-    let (width, height) = (image.width, image.height);
-    let decoded = &*DECODED;
-    let color = if texture.srgb { &decoded.srgb } else { &decoded.linear };
-    // In f64 for the sake of speed as well: pairs of f32 would share a register with two stray lanes, and
-    // a denormal number among those costs more than the whole lookup.
-    let (x, y) = (f64::from(uv.x) * f64::from(width), f64::from(uv.y) * f64::from(height));
-    if sampler.mag == Filter::Nearest {
-        return texel(
-            image,
-            color,
-            wrap(sampler.wrap_u, x.floor(), width),
-            wrap(sampler.wrap_v, y.floor(), height),
-        );
-    }
-    let ([x0, x1], s) = neighbours(sampler.wrap_u, x, width);
-    let ([y0, y1], t) = neighbours(sampler.wrap_v, y, height);
-    let corners = [
-        texel(image, color, x0, y0),
-        texel(image, color, x1, y0),
-        texel(image, color, x0, y1),
-        texel(image, color, x1, y1),
-    ];
-    bilinear(corners, s, t)
+    Texels::new(scene, slot).rgba(uv)
 }
 
-#[inline]
-fn texel(image: &Image, color: &[f32; 256], x: u32, y: u32) -> Vec4 {
-    let i = (y as usize * image.width as usize + x as usize) * 4;
-    let texel = &image.rgba[i..i + 4];
-    Vec4::new(
-        color[usize::from(texel[0])],
-        color[usize::from(texel[1])],
-        color[usize::from(texel[2])],
-        f32::from(texel[3]) / 255.0,
-    )
+/// A texture as lookups need it.
+pub(super) struct Texels<'s> {
+    slot: &'s TextureSlot,
+    image: &'s Image,
+    sampler: &'s Sampler,
+    /// Value of each byte of a colour.
+    color: &'static [f32; 256],
+}
+
+impl<'s> Texels<'s> {
+    /// The texture in `slot`.
+    #[inline]
+    pub fn new(scene: &'s Scene, slot: &'s TextureSlot) -> Self {
+        let texture = &scene.textures[slot.texture as usize];
+        let decoded = &*DECODED;
+        Self {
+            slot,
+            image: &scene.images[texture.image as usize],
+            sampler: &texture.sampler,
+            color: if texture.srgb { &decoded.srgb } else { &decoded.linear },
+        }
+    }
+
+    /// Linear RGBA at the mesh's coordinates `uv`.
+    ///
+    /// Filtered bilinearly between texel centres at level 0, or not at all where the sampler magnifies by the
+    /// nearest texel.
+    #[inline]
+    pub fn rgba(&self, uv: Vec2) -> Vec4 {
+        let place = self.place(uv);
+        let texels = self.fetch(&place);
+        let alpha = blend(texels.map(|texel| f32::from(texel[3]) / 255.0), place.weights);
+        self.rgb(texels, &place).extend(alpha)
+    }
+
+    /// Where that is.
+    #[inline(always)]
+    pub fn place(&self, uv: Vec2) -> Place {
+        let Self { slot, image, sampler, .. } = *self;
+        let uv = slot.transform(uv);
+        let (width, height) = (image.width, image.height);
+        // In f64 for the sake of speed as well: pairs of f32 would share a register with two stray lanes, and
+        // a denormal number among those costs more than the whole lookup.
+        let (x, y) = (f64::from(uv.x) * f64::from(width), f64::from(uv.y) * f64::from(height));
+        if sampler.mag == Filter::Nearest {
+            let (x, y) = (wrap(sampler.wrap_u, x.floor(), width), wrap(sampler.wrap_v, y.floor(), height));
+            return Place { columns: [x; 2], rows: [y; 2], weights: [1.0, 0.0, 0.0, 0.0] };
+        }
+        let (columns, s) = neighbours(sampler.wrap_u, x, width);
+        let (rows, t) = neighbours(sampler.wrap_v, y, height);
+        Place { columns, rows, weights: bilinear(s, t) }
+    }
+
+    /// The texels there.
+    #[inline(always)]
+    pub fn fetch(&self, place: &Place) -> [[u8; 4]; 4] {
+        let ([x0, x1], [y0, y1]) = (place.columns, place.rows);
+        [self.texel(x0, y0), self.texel(x1, y0), self.texel(x0, y1), self.texel(x1, y1)]
+    }
+
+    /// Their mean, linear.
+    #[inline(always)]
+    pub fn rgb(&self, texels: [[u8; 4]; 4], place: &Place) -> Vec3 {
+        let channel = |channel: usize| {
+            blend(texels.map(|texel| self.color[usize::from(texel[channel])]), place.weights)
+        };
+        Vec3::new(channel(0), channel(1), channel(2))
+    }
+
+    #[inline(always)]
+    fn texel(&self, x: u32, y: u32) -> [u8; 4] {
+        let i = (y as usize * self.image.width as usize + x as usize) * 4;
+        let texel = &self.image.rgba[i..i + 4];
+        [texel[0], texel[1], texel[2], texel[3]]
+    }
+}
+
+/// The texels around a point, two by two, and their weights.
+#[derive(Clone, Copy, Default)]
+pub(super) struct Place {
+    columns: [u32; 2],
+    rows: [u32; 2],
+    weights: [f32; 4],
+}
+
+/// Weights of four texels, two by two, for shares of the second column and of the second row.
+#[inline(always)]
+fn bilinear(s: f32, t: f32) -> [f32; 4] {
+    [(1.0 - s) * (1.0 - t), s * (1.0 - t), (1.0 - s) * t, s * t]
+}
+
+#[inline(always)]
+fn blend<T: Copy + Add<Output = T> + Mul<f32, Output = T>>([a, b, c, d]: [T; 4], weights: [f32; 4]) -> T {
+    a * weights[0] + b * weights[1] + c * weights[2] + d * weights[3]
 }
 
 /// Linear radiance of the panorama in the unit direction `direction`, bilinear.
@@ -76,13 +135,8 @@ pub fn environment(panorama: &Environment, direction: Vec3) -> Vec3 {
     let v = direction.y.clamp(-1.0, 1.0).acos() / PI;
     let ([x0, x1], s) = neighbours(Wrap::Repeat, f64::from(u) * f64::from(width), width);
     let ([y0, y1], t) = neighbours(Wrap::Clamp, f64::from(v) * f64::from(height), height);
-    let texel = |x: u32, y: u32| panorama.radiance[y as usize * width as usize + x as usize].extend(0.0);
-    bilinear([texel(x0, y0), texel(x1, y0), texel(x0, y1), texel(x1, y1)], s, t).truncate()
-}
-
-#[inline]
-fn bilinear([a, b, c, d]: [Vec4; 4], s: f32, t: f32) -> Vec4 {
-    a * ((1.0 - s) * (1.0 - t)) + b * (s * (1.0 - t)) + c * ((1.0 - s) * t) + d * (s * t)
+    let texel = |x: u32, y: u32| panorama.radiance[y as usize * width as usize + x as usize];
+    blend([texel(x0, y0), texel(x1, y0), texel(x0, y1), texel(x1, y1)], bilinear(s, t))
 }
 
 /// The two texels whose centres enclose `at`, and the weight of the second.

@@ -3,17 +3,24 @@
 
 use glam::Vec3;
 
+use super::arrive::{Arrive, FEWEST_TOGETHER};
+use super::finish::{Finish, finish_of};
 use super::optics::{self, Branch, BranchKind};
 use super::packet::{EntryPoints, Packet};
 use super::shaft::Shafts;
 use super::{Appearance, Hit, Rays, Settings, Surface, Tracer, shade};
+use crate::scene::Scene;
 
 /// Points of faces that neighbouring view rays meet.
 pub struct Points<'t, 's> {
     tracer: &'t Tracer<'s>,
     settings: &'t Settings,
-    /// Direction of each ray of the wave at hand, and what it meets.
-    hits: Vec<(Vec3, Option<Hit>)>,
+    /// Rays of the wave at hand that have met something.
+    arrivals: Vec<Arrival>,
+    /// Which of them arrive at faces of each finish, and the finishes that have any.
+    by_finish: Vec<Vec<u32>>,
+    finishes: Vec<u32>,
+    points: u32,
     radiances: Vec<Vec3>,
     entries: EntryPoints,
     shafts: Shafts,
@@ -25,12 +32,40 @@ pub struct Points<'t, 's> {
 }
 
 /// A specular ray of the next bounce.
-struct Ray {
+pub(super) struct Ray {
     /// The point whose radiance it is part of.
-    point: u32,
-    branch: Branch,
+    pub point: u32,
+    /// As [`Branch`] has them.
+    pub origin: Vec3,
+    pub direction: Vec3,
+    pub start: Vec3,
     /// Share of the radiance along it that reaches the eye.
-    throughput: Vec3,
+    pub throughput: Vec3,
+    /// Material of the body that it runs through, or [`OUTSIDE`](Self::OUTSIDE).
+    pub body: u32,
+}
+
+/// A ray that has met something.
+#[derive(Clone, Copy)]
+pub(super) struct Arrival {
+    /// The point whose radiance it is part of.
+    pub point: u32,
+    /// Its unit direction.
+    pub direction: Vec3,
+    pub hit: Hit,
+    /// Share of the radiance along it that reaches the eye.
+    pub throughput: Vec3,
+}
+
+impl Ray {
+    /// No body.
+    pub const OUTSIDE: u32 = u32::MAX;
+
+    /// What its body lets through on the way to `end`; `None` for a ray that leaves the scene.
+    fn transmittance(&self, scene: &Scene, end: Option<Vec3>) -> Vec3 {
+        let volume = scene.materials.get(self.body as usize).and_then(|material| material.volume);
+        optics::transmittance(volume, self.start, end)
+    }
 }
 
 impl<'t, 's> Points<'t, 's> {
@@ -39,7 +74,10 @@ impl<'t, 's> Points<'t, 's> {
         Self {
             tracer,
             settings,
-            hits: Vec::new(),
+            arrivals: Vec::new(),
+            by_finish: Vec::new(),
+            finishes: Vec::new(),
+            points: 0,
             radiances: Vec::new(),
             entries: EntryPoints::default(),
             shafts: Shafts::default(),
@@ -51,23 +89,17 @@ impl<'t, 's> Points<'t, 's> {
 
     /// Takes in the point that a view ray along the unit vector `direction` meets.
     pub fn add(&mut self, direction: Vec3, hit: Hit) {
-        self.hits.push((direction, Some(hit)));
+        self.arrivals.push(Arrival { point: self.points, direction, hit, throughput: Vec3::ONE });
+        self.points += 1;
     }
 
     /// Radiance that leaves each of the points against its view ray, in their order; then there is none any more. BLEND
     /// surfaces count as opaque.
     pub fn radiances(&mut self) -> impl Iterator<Item = Vec3> {
         self.radiances.clear();
-        self.radiances.resize(self.hits.len(), Vec3::ZERO);
-        self.shafts.find(self.tracer, self.settings, 0, self.hits.iter());
-        let mut next = [self.room(), self.room()];
-        for point in 0..self.hits.len() {
-            let (direction, Some(hit)) = self.hits[point] else { continue };
-            let at = Surface::new(self.tracer, hit.face, hit.u, hit.v, direction);
-            self.arrive(point as u32, &at, direction, Vec3::ONE, 0, &mut next);
-        }
-        self.go_on(next, 1);
-        self.hits.clear();
+        self.radiances.resize(self.points as usize, Vec3::ZERO);
+        self.points = 0;
+        self.arrive(0);
         self.radiances.drain(..)
     }
 
@@ -81,80 +113,218 @@ impl<'t, 's> Points<'t, 's> {
         self.free.pop().unwrap_or_default()
     }
 
-    /// Follows two waves that left after `bounces` − 1 bounces: what was reflected, and what was refracted.
-    fn go_on(&mut self, waves: [Vec<Ray>; 2], bounces: u32) {
-        for mut wave in waves {
+    /// Follows rays of `bounces` bounces, all of one history.
+    fn trace(&mut self, kind: BranchKind, wave: &[Ray], bounces: u32) {
+        let Self { tracer, .. } = *self;
+        let scene = tracer.scene();
+        let mut packet = Packet::EMPTY;
+        let (rays, found) = &mut self.search;
+        rays.clear();
+        for ray in wave {
+            packet.add(ray.origin, ray.direction);
+            rays.push((ray.origin, ray.direction));
+        }
+        tracer.find_entries(&packet, &mut self.entries);
+        tracer.closest_of_each(&self.entries, rays, found);
+        for (ray, hit) in wave.iter().zip(found) {
+            let &Ray { point, direction, .. } = ray;
+            match *hit {
+                Some(hit) => {
+                    let mut throughput = ray.throughput;
+                    if ray.body != Ray::OUTSIDE {
+                        let end = tracer.record(hit.face).position(hit.u, hit.v);
+                        throughput *= ray.transmittance(scene, Some(end));
+                    }
+                    self.arrivals.push(Arrival { point, direction, hit, throughput });
+                }
+                None => {
+                    let seen = shade::background(scene, direction) * ray.transmittance(scene, None);
+                    self.radiances[point as usize] += seen * ray.throughput;
+                }
+            }
+        }
+        match kind {
+            BranchKind::Reflect => self.rays.reflected += wave.len() as u64,
+            BranchKind::Refract => self.rays.transmitted += wave.len() as u64,
+        }
+        self.arrive(bounces);
+    }
+
+    /// Adds what rays of `bounces` bounces see where they arrive, and follows those that leave from there: what was
+    /// reflected, and what was refracted.
+    fn arrive(&mut self, bounces: u32) {
+        let Self { tracer, settings, .. } = *self;
+        let met = self.arrivals.iter().map(|arrival| (&arrival.direction, &arrival.hit));
+        self.shafts.find(tracer, settings, bounces, met);
+        self.by_finish.resize_with(tracer.finishes().len(), Vec::new);
+        for (index, arrival) in self.arrivals.iter().enumerate() {
+            let finish = finish_of(tracer.record(arrival.hit.face));
+            if self.by_finish[finish].is_empty() {
+                self.finishes.push(finish as u32);
+            }
+            self.by_finish[finish].push(index as u32);
+        }
+        let mut next = [self.room(), self.room()];
+        for index in std::mem::take(&mut self.finishes) {
+            let mut which = std::mem::take(&mut self.by_finish[index as usize]);
+            self.arrive_at(&tracer.finishes()[index as usize], &which, bounces, &mut next);
+            which.clear();
+            self.by_finish[index as usize] = which;
+        }
+        self.arrivals.clear();
+        for (kind, mut wave) in [BranchKind::Reflect, BranchKind::Refract].into_iter().zip(next) {
             if !wave.is_empty() {
-                self.trace(&wave, bounces);
+                self.trace(kind, &wave, bounces + 1);
                 wave.clear();
             }
             self.free.push(wave);
         }
     }
 
-    /// Follows rays of `bounces` bounces, all of one history.
-    fn trace(&mut self, wave: &[Ray], bounces: u32) {
+    /// The same for those that arrive at faces of one finish.
+    fn arrive_at(&mut self, finish: &Finish, which: &[u32], bounces: u32, next: &mut [Vec<Ray>; 2]) {
         let Self { tracer, settings, .. } = *self;
+        let shadows = settings.shadows.apply(finish.vt, bounces);
+        let goes_on = finish.vt && bounces < settings.depth;
+        if finish.plain
+            && which.len() >= FEWEST_TOGETHER
+            && let Some(processor) = tracer.processor()
+        {
+            return processor.run(Arrive {
+                tracer,
+                settings,
+                finish,
+                shafts: shadows.then_some(&self.shafts),
+                arrivals: &self.arrivals,
+                which,
+                goes_on,
+                radiances: &mut self.radiances,
+                next,
+                rays: &mut self.rays,
+            });
+        }
         let scene = tracer.scene();
-        let mut packet = Packet::EMPTY;
-        for Ray { branch, .. } in wave {
-            packet.add(branch.origin, branch.direction);
-        }
-        tracer.find_entries(&packet, &mut self.entries);
-        self.hits.clear();
-        let (rays, found) = &mut self.search;
-        rays.clear();
-        rays.extend(wave.iter().map(|ray| (ray.branch.origin, ray.branch.direction)));
-        tracer.closest_of_each(&self.entries, rays, found);
-        for (Ray { point, branch, throughput }, &hit) in wave.iter().zip(&*found) {
-            if hit.is_none() {
-                let seen = shade::background(scene, branch.direction) * branch.transmittance(None);
-                self.radiances[*point as usize] += seen * throughput;
-            }
-            self.hits.push((branch.direction, hit));
-        }
-        match wave[0].branch.kind {
-            BranchKind::Reflect => self.rays.reflected += wave.len() as u64,
-            BranchKind::Refract => self.rays.transmitted += wave.len() as u64,
-        }
-        self.shafts.find(tracer, settings, bounces, self.hits.iter());
-        let mut next = [self.room(), self.room()];
-        for (index, Ray { point, branch, throughput }) in wave.iter().enumerate() {
-            let (direction, Some(hit)) = self.hits[index] else { continue };
+        for &index in which {
+            let Arrival { point, direction, hit, throughput } = self.arrivals[index as usize];
             let at = Surface::new(tracer, hit.face, hit.u, hit.v, direction);
-            let throughput = throughput * branch.transmittance(Some(at.position));
-            self.arrive(*point, &at, direction, throughput, bounces, &mut next);
+            let appearance = Appearance::new(scene, &at);
+            let local = if shadows {
+                shade::local_shadowed(tracer, Some(&self.shafts), &at, &appearance, direction, &mut self.rays)
+            } else {
+                shade::local(scene, &at, &appearance, direction, shade::ALL_LIT)
+            };
+            self.radiances[point as usize] += local.radiance(appearance.base_texel) * throughput;
+            if !goes_on {
+                continue;
+            }
+            let material = &scene.materials[at.material as usize];
+            for branch in
+                optics::branches(settings, material, &appearance, &at, direction).into_iter().flatten()
+            {
+                let throughput = throughput * branch.attenuation;
+                if throughput.max_element() >= settings.min_throughput {
+                    let Branch { kind, start, origin, direction, medium, .. } = branch;
+                    let body = if medium.is_some() { at.material } else { Ray::OUTSIDE };
+                    let ray = Ray { point, origin, direction, start, throughput, body };
+                    next[usize::from(kind == BranchKind::Refract)].push(ray);
+                }
+            }
         }
-        self.go_on(next, bounces + 1);
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use glam::{Vec2, vec3};
+
+    use super::super::eye::ViewRays;
+    use super::super::reference;
+    use super::super::vector::Processor;
+    use super::*;
+    use crate::options::ViewOptions;
+    use crate::scene::classify::{VtRules, classify};
+    use crate::scene::demo::{Demo, SceneBuilder, chrome, glass, matte, shape, texture};
+    use crate::scene::light::{Light, LightKind};
+    use crate::scene::{Camera, Material, Volume};
+
+    /// What the demos lack: every kind of light, highlights, a thin wall, a body that absorbs, vertex normals that turn away
+    /// from the eye, and a material without light.
+    fn showroom() -> Scene {
+        let mut scene = SceneBuilder::new("showroom");
+        let boards = scene.texture(texture::chessboard(64));
+        let floor = scene.material(Material { roughness: 0.4, ..matte("floor").textured(boards) });
+        scene.mesh("floor", shape::plane(vec3(-3.0, 0.0, 3.0), Vec3::X * 6.0, Vec3::Z * -6.0, 0.5), floor);
+        let brass = scene.material(Material {
+            roughness: 0.3,
+            metallic: 0.8,
+            ..matte("brass").colored(vec3(0.8, 0.6, 0.2))
+        });
+        scene.mesh("brass", shape::sphere(vec3(-1.2, 0.5, 0.3), 0.5, 1), brass);
+        let attenuation = Volume { attenuation_color: vec3(0.9, 0.3, 0.2), attenuation_distance: 0.7 };
+        let ruby = scene.material(Material { volume: Some(attenuation), ..glass("ruby", 1.7) });
+        scene.mesh("ruby", shape::sphere(vec3(0.0, 0.6, 0.4), 0.6, 1), ruby);
+        let pane = scene.material(Material { volume: None, double_sided: true, ..glass("pane", 1.5) });
+        scene.mesh("pane", shape::plane(vec3(0.2, 0.0, 1.0), Vec3::X, Vec3::Y, 1.0), pane);
+        let mirror = scene.material(chrome("mirror", vec3(0.9, 0.8, 0.7)));
+        scene.mesh("mirror", shape::sphere(vec3(1.3, 0.6, -0.2), 0.6, 1), mirror);
+        let sign = scene.material(Material { unlit: true, ..matte("sign").textured(boards) });
+        scene.mesh("sign", shape::plane(vec3(-2.0, 0.0, -1.5), Vec3::X * 4.0, Vec3::Y * 2.0, 1.0), sign);
+        let (position, direction) = (vec3(1.0, 3.0, 2.0), vec3(-0.2, -0.9, -0.4).normalize());
+        for (kind, intensity) in [
+            (LightKind::Point { position, range: 4.5 }, 9.0),
+            (
+                LightKind::Spot {
+                    position: -position.with_y(-2.5),
+                    direction,
+                    range: f32::INFINITY,
+                    inner_cos: 0.95,
+                    outer_cos: 0.8,
+                },
+                12.0,
+            ),
+            (LightKind::Directional { direction }, 0.8),
+        ] {
+            scene.light(Light { name: "lamp".into(), kind, intensity: Vec3::splat(intensity) });
+        }
+        scene.camera(Camera::look_at(vec3(0.0, 1.2, 4.0), vec3(0.0, 0.6, 0.0), 0.8));
+        scene.build().unwrap()
     }
 
-    /// Adds what a ray sees where it arrives, and the rays that leave from there to those of the `next` bounce.
-    fn arrive(
-        &mut self,
-        point: u32,
-        at: &Surface,
-        direction: Vec3,
-        throughput: Vec3,
-        bounces: u32,
-        next: &mut [Vec<Ray>; 2],
-    ) {
-        let Self { tracer, settings, .. } = *self;
-        let scene = tracer.scene();
-        let appearance = Appearance::new(scene, at);
-        let local = if settings.shadows.apply(at.vt, bounces) {
-            shade::local_shadowed(tracer, Some(&self.shafts), at, &appearance, direction, &mut self.rays)
-        } else {
-            shade::local(scene, at, &appearance, direction, shade::ALL_LIT)
-        };
-        self.radiances[point as usize] += local.radiance(appearance.base_texel) * throughput;
-        if !at.vt || bounces >= settings.depth {
-            return;
-        }
-        let material = &scene.materials[at.material as usize];
-        for branch in optics::branches(settings, material, &appearance, at, direction).into_iter().flatten() {
-            let throughput = throughput * branch.attenuation;
-            if throughput.max_element() >= settings.min_throughput {
-                next[usize::from(branch.kind == BranchKind::Refract)].push(Ray { point, branch, throughput });
+    #[test]
+    fn together_points_show_what_they_show_alone() {
+        let exact = Settings { fresnel: true, min_throughput: 0.0, ..Settings::default() };
+        for (mut scene, settings) in [
+            (Demo::CupAndGlass.scene(), Settings::default()),
+            (Demo::GlassBowl.scene(), exact),
+            (showroom(), exact),
+            (showroom(), Settings::default()),
+        ] {
+            classify(&mut scene, &VtRules::default()).unwrap();
+            let view =
+                ViewOptions { width: 40, height: 32, ..ViewOptions::default() }.resolve(&scene).unwrap();
+            let rays: Vec<_> = (0..view.pixels() as u32)
+                .map(|pixel| {
+                    view.ray(Vec2::new((pixel % view.width) as f32, (pixel / view.width) as f32) + 0.5)
+                })
+                .collect();
+            let mut tracer = Tracer::new(&scene);
+            let seen = |tracer: &Tracer| {
+                let mut together = ViewRays::new(tracer, &settings);
+                rays.iter().for_each(|&ray| together.add(ray));
+                let radiances = together.radiances().to_vec();
+                (radiances, together.rays())
+            };
+            tracer.set_processor(None);
+            let alone = seen(&tracer);
+            for processor in Processor::all() {
+                tracer.set_processor(Some(processor));
+                assert_eq!(seen(&tracer), alone, "{}: {processor:?}", scene.name);
+            }
+            // The conventional tracer adds up in another order.
+            for (&(origin, direction), &radiance) in rays.iter().zip(&alone.0) {
+                let (other, _) = reference::radiance(&tracer, &settings, origin, direction);
+                let off = (radiance - other).abs().max_element();
+                assert!(off <= 1e-4 * other.max_element().max(0.01), "{}: {radiance} {other}", scene.name);
             }
         }
     }
