@@ -11,13 +11,13 @@ use crate::trace::sample::Context;
 use crate::trace::wave::Points;
 use crate::trace::{Hit, Rays};
 
-/// Leaves whose pixels one task traces.
+/// Leaves whose pixels one task finds.
 const CHUNK: usize = 16;
 
-/// Tasks whose pixels are kept apart until all of them are done.
+/// Tasks whose pixels are found before they are traced.
 const BATCH: usize = 256;
 
-/// Side of the squares of pixels whose leaves are traced one after another: their rays take similar ways.
+/// Side of the squares of pixels that are traced together: their rays take similar ways.
 const TILE: u32 = 16;
 
 /// Distance from all sides of a leaf, in pixels, at which a pixel's centre is certainly in it.
@@ -61,16 +61,18 @@ pub fn trace(
     // A batch after the other, so that not all pixels are there twice.
     for batch in faces.chunks(CHUNK * BATCH) {
         let chunks = batch.par_chunks(CHUNK).map(|faces| {
-            let mut chunk = Chunk::new(context);
-            for &face in faces {
-                pass.trace_face(face, &mut chunk);
-            }
-            (chunk.pixels, chunk.primary + chunk.points.rays())
+            let mut chunk = Chunk::default();
+            faces.iter().for_each(|&face| pass.find(face, &mut chunk));
+            chunk
         });
-        for (pixels, rays) in chunks.collect::<Vec<_>>() {
-            all.extend(pixels);
-            total += rays;
+        let mut unknown = Vec::new();
+        for chunk in chunks.collect::<Vec<_>>() {
+            let before = all.len() as u32;
+            unknown.extend(chunk.unknown.iter().map(|point| Point { pixel: point.pixel + before, ..*point }));
+            all.extend(chunk.pixels);
+            total += chunk.primary;
         }
+        total += trace_points(context, &unknown, &mut all);
     }
     all.shrink_to_fit();
     if let Some(store) = store {
@@ -81,22 +83,69 @@ pub fn trace(
     (all, total)
 }
 
+/// Traces `points` of `pixels`, those of a tile together.
+fn trace_points(context: &Context, points: &[Point], pixels: &mut [TracedPixel]) -> Rays {
+    let &Context { tracer, settings, view, .. } = context;
+    let across = view.width.div_ceil(TILE);
+    let place = |pixel: &TracedPixel| (pixel.index % view.width, pixel.index / view.width);
+    let tile = |point: &Point| {
+        let (x, y) = place(&pixels[point.pixel as usize]);
+        (y / TILE * across + x / TILE) as usize
+    };
+    let mut starts = vec![0; (across * view.height.div_ceil(TILE)) as usize + 1];
+    points.iter().for_each(|point| starts[tile(point) + 1] += 1);
+    (1..starts.len()).for_each(|tile| starts[tile] += starts[tile - 1]);
+    let mut next = starts.clone();
+    let mut order = vec![0; points.len()];
+    for (index, point) in points.iter().enumerate() {
+        let next = &mut next[tile(point)];
+        order[*next] = index as u32;
+        *next += 1;
+    }
+    let tiles = starts.par_windows(2).filter(|ends| ends[0] < ends[1]).map_init(
+        || Points::new(tracer, settings),
+        |wave, ends| {
+            let before = wave.rays();
+            for &index in &order[ends[0]..ends[1]] {
+                let Point { pixel, u, v } = points[index as usize];
+                let pixel = &pixels[pixel as usize];
+                let (x, y) = place(pixel);
+                let (_, direction) = view.ray(Vec2::new(x as f32, y as f32) + 0.5);
+                wave.add(direction, Hit { face: pixel.base, t: 0.0, u, v });
+            }
+            (wave.radiances().collect::<Vec<_>>(), wave.rays() - before)
+        },
+    );
+    let traced: Vec<_> = tiles.collect();
+    let mut order = order.into_iter();
+    let mut total = Rays::default();
+    for (radiances, rays) in traced {
+        for (radiance, index) in radiances.into_iter().zip(&mut order) {
+            pixels[points[index as usize].pixel as usize].radiance = radiance;
+        }
+        total += rays;
+    }
+    total
+}
+
 /// The pixels of some leaves.
-struct Chunk<'c> {
+#[derive(Default)]
+struct Chunk {
     pixels: Vec<TracedPixel>,
-    /// Those of `pixels` that are to be traced.
-    pending: Vec<usize>,
-    /// What they show.
-    points: Points<'c, 'c>,
+    /// Where those of `pixels` lie whose radiance is not known.
+    unknown: Vec<Point>,
     /// Rays to find that.
     primary: Rays,
 }
 
-impl<'c> Chunk<'c> {
-    fn new(context: &'c Context) -> Self {
-        let points = Points::new(context.tracer, context.settings);
-        Self { pixels: Vec::new(), pending: Vec::new(), points, primary: Rays::default() }
-    }
+/// A point of its base face that a pixel shows.
+#[derive(Clone, Copy)]
+struct Point {
+    /// Index of the pixel among those that are traced.
+    pixel: u32,
+    /// Barycentric weights, as [`Hit`] has them.
+    u: f32,
+    v: f32,
 }
 
 /// What tracing pixels takes.
@@ -109,7 +158,8 @@ struct Pass<'a> {
 }
 
 impl Pass<'_> {
-    fn trace_face(&self, face: u32, chunk: &mut Chunk) {
+    /// Finds the pixels of a leaf.
+    fn find(&self, face: u32, chunk: &mut Chunk) {
         let Self { context: &Context { view, .. }, mesh, shown, known } = *self;
         let base = mesh.faces[face as usize].base;
         let footprint = Footprint::new(mesh, view, face);
@@ -129,16 +179,12 @@ impl Pass<'_> {
                 let index = y * view.width + x;
                 let kept = known.and_then(|known| known.get(index, base));
                 if kept.is_none() {
-                    let Some(hit) = self.hit(base, centre, &mut chunk.primary) else { continue };
-                    chunk.pending.push(chunk.pixels.len());
-                    chunk.points.add(centre.1, hit);
+                    let Some(Hit { u, v, .. }) = self.hit(base, centre, &mut chunk.primary) else { continue };
+                    chunk.unknown.push(Point { pixel: chunk.pixels.len() as u32, u, v });
                 }
                 let radiance = kept.unwrap_or(Vec3::ZERO);
                 chunk.pixels.push(TracedPixel { index, face, base, radiance });
             }
-        }
-        for (pixel, radiance) in chunk.pending.drain(..).zip(chunk.points.radiances()) {
-            chunk.pixels[pixel].radiance = radiance;
         }
     }
 

@@ -22,7 +22,7 @@ mod vector;
 pub mod wave;
 mod wide;
 
-use std::ops::{Add, AddAssign};
+use std::ops::{Add, AddAssign, Sub};
 
 pub use crate::options::Shadows;
 use crate::options::{PathOptions, SceneOptions};
@@ -114,5 +114,18 @@ impl Add for Rays {
     fn add(mut self, other: Self) -> Self {
         self += other;
         self
+    }
+}
+
+impl Sub for Rays {
+    type Output = Self;
+
+    fn sub(self, other: Self) -> Self {
+        Self {
+            primary: self.primary - other.primary,
+            reflected: self.reflected - other.reflected,
+            transmitted: self.transmitted - other.transmitted,
+            shadow: self.shadow - other.shadow,
+        }
     }
 }
