@@ -34,12 +34,12 @@ use self::store::SampleStore;
 use crate::options::{EffortOptions, Reconstruction};
 use crate::trace::sample::Context;
 
-/// Longest edge, in pixels, at which a face is no longer bisected but its pixels are traced: where time counts, larger
-/// ones, for many small ones take longer to judge and to draw, but what hides in them is larger too (docs/samples.md).
-pub const STOP_SIZE: f32 = 11.0;
+/// Longest edge, in pixels, at which a face is no longer bisected but its pixels are traced: where time counts, for many
+/// small faces take longer to sample, to judge and to draw than their pixels to trace (docs/speed.md).
+pub const STOP_SIZE: f32 = 24.0;
 
 /// The same as a share of the largest size at which samples are trusted for what is between them: for small images.
-const TRACED_SHARE: f32 = 0.7;
+const TRACED_SHARE: f32 = 0.35;
 
 /// The same for faces that are not specular: where shadows' borders run is found by bisecting them.
 pub const RECEIVER_STOP_SIZE: f32 = 8.0;
@@ -49,9 +49,6 @@ pub const SPARING_STOP_SIZE: f32 = 4.0;
 
 /// Samples for each pixel of the refined faces below which they are few.
 const FEW: f32 = 0.5;
-
-/// The same for faces with a normal map, whose pixels are all traced: fewer, larger ones are less to draw.
-const MAPPED_STOP_SIZE: f32 = 24.0;
 
 /// The same for the paper's reconstruction, which traces no pixels and has nothing but samples: about a pixel.
 pub const PAPER_STOP_SIZE: f32 = 1.5;
@@ -199,7 +196,7 @@ impl<'a> Refiner<'a> {
     fn stop_size(&self, face: u32) -> f32 {
         match self.predictor.reconstruction {
             Reconstruction::Paper => PAPER_STOP_SIZE,
-            Reconstruction::Exact if self.is_mapped(face) => MAPPED_STOP_SIZE,
+            Reconstruction::Exact if self.is_mapped(face) => STOP_SIZE,
             Reconstruction::Exact if self.is_receiver(face) => self.stop_size.min(RECEIVER_STOP_SIZE),
             Reconstruction::Exact => self.stop_size.min(TRACED_SHARE * self.reach()),
         }
