@@ -12,8 +12,9 @@ use vertex_tracing::scene::{
     Projection, Sampler, Scene, Texture, TextureSlot, View, Volume, Wrap,
 };
 use vertex_tracing::trace::optics::{self, BranchKind};
+use vertex_tracing::trace::reference::{self, Following, Samples};
 use vertex_tracing::trace::wave::Points;
-use vertex_tracing::trace::{Appearance, Rays, Settings, Shadows, Surface, Tracer, reference, shade, texel};
+use vertex_tracing::trace::{Appearance, Rays, Settings, Shadows, Surface, Tracer, shade, texel};
 
 /// Nothing dropped, every path followed until its rest is below single precision.
 const EXACT: Settings = Settings { depth: 40, min_throughput: 0.0, shadows: Shadows::All, fresnel: false };
@@ -612,6 +613,32 @@ fn the_reference_does_not_depend_on_threads() {
     let (one, three) = (with(1), with(3));
     assert_eq!((one.image, one.rays, one.vt_mask), (three.image, three.rays, three.vt_mask));
     assert_eq!(one.rays.primary, 3 * view.pixels() as u64);
+}
+
+#[test]
+fn the_reference_shows_the_same_in_packets() {
+    let (scene, view) = room();
+    let mask = render(&scene, &view, 1, None).vt_mask;
+    let tracer = Tracer::new(&scene);
+    for (count, only) in [(1, None), (3, Some(mask.as_slice())), (16, None)] {
+        let alone = render(&scene, &view, count, only);
+        let samples = Samples { count, following: Following::Together };
+        let together = reference::render(
+            &tracer,
+            &view,
+            &Settings::default(),
+            samples,
+            only,
+            &AtomicBool::new(false),
+            &|_| {},
+        )
+        .unwrap();
+        assert_eq!((together.rays, &together.vt_mask), (alone.rays, &alone.vt_mask));
+        for (a, b) in together.image.iter().zip(&alone.image) {
+            let (a, b) = (Vec3::from(*a), Vec3::from(*b));
+            assert!(a.abs_diff_eq(b, 1e-4 * (0.1 + b.max_element())), "{a} {b}");
+        }
+    }
 }
 
 /// Tiles share the search for hits and shadows; each pixel must not notice, under any light and projection.

@@ -56,6 +56,8 @@ pub struct ReferenceOptions {
     pub scene: SceneOptions,
     /// Samples per pixel, at least 1.
     pub spp: u32,
+    /// Whether rays of neighbouring pixels are followed together.
+    pub packets: bool,
     /// How far rays start off every face, in world units; `None`: as far as its position and size ask for.
     pub ray_offset: Option<f32>,
 }

@@ -107,7 +107,7 @@ impl Smoothing<'_> {
     ) -> Result<Rays> {
         let view = self.view;
         let width = view.width as usize;
-        let mut rays = ViewRays::new(self.tracer, self.settings);
+        let mut rays = ViewRays::new(self.tracer, self.settings, true);
         let mut places = Vec::new();
         for left in (0..width).step_by(TILE) {
             if self.interrupt.load(Ordering::Relaxed) {

@@ -6,14 +6,14 @@ use super::packet::{EntryPoints, Packet};
 use super::surface::coverage;
 use super::wave::Points;
 use super::{Appearance, Hit, Rays, Settings, Surface, Tracer, shade};
-use crate::scene::AlphaMode;
+use crate::scene::{AlphaMode, Material};
 
 /// Surfaces that one view ray passes before the next stops it.
 const MAX_LAYERS: u32 = 64;
 
 /// Some view rays, and room for what they take.
 ///
-/// As the rasteriser has it, a view ray passes the backs of one-sided faces, and BLEND surfaces stop it in part.
+/// BLEND surfaces stop a view ray in part.
 pub struct ViewRays<'t, 's> {
     tracer: &'t Tracer<'s>,
     settings: &'t Settings,
@@ -29,12 +29,15 @@ pub struct ViewRays<'t, 's> {
     traced: u64,
     /// By material: whether a view ray may go on behind it.
     passable: Vec<bool>,
+    /// Whether it does behind the back of a one-sided face.
+    culled: bool,
 }
 
 impl<'t, 's> ViewRays<'t, 's> {
-    /// No ray yet.
-    pub fn new(tracer: &'t Tracer<'s>, settings: &'t Settings) -> Self {
-        let materials = tracer.scene().materials.iter();
+    /// No ray yet. Of a `culled` picture, view rays pass the backs of one-sided faces, as the rasteriser has it.
+    pub fn new(tracer: &'t Tracer<'s>, settings: &'t Settings, culled: bool) -> Self {
+        let passable =
+            |material: &Material| culled && !material.double_sided || material.alpha_mode == AlphaMode::Blend;
         Self {
             tracer,
             settings,
@@ -45,7 +48,8 @@ impl<'t, 's> ViewRays<'t, 's> {
             shares: Vec::new(),
             radiances: Vec::new(),
             traced: 0,
-            passable: materials.map(|m| !m.double_sided || m.alpha_mode == AlphaMode::Blend).collect(),
+            passable: tracer.scene().materials.iter().map(passable).collect(),
+            culled,
         }
     }
 
@@ -108,7 +112,7 @@ impl<'t, 's> ViewRays<'t, 's> {
             return (1.0, Vec3::ZERO);
         }
         let material = &self.tracer.scene().materials[record.material as usize];
-        let is_back = !material.double_sided && record.ng.dot(direction) > 0.0;
+        let is_back = self.culled && !material.double_sided && record.ng.dot(direction) > 0.0;
         if !is_back && material.alpha_mode != AlphaMode::Blend {
             return (1.0, Vec3::ZERO);
         }

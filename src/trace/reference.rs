@@ -6,6 +6,7 @@ use std::time::Instant;
 use glam::{Vec2, Vec3};
 use rayon::prelude::*;
 
+use super::eye::ViewRays;
 use super::optics::{self, Branch, BranchKind};
 use super::packet::{EntryPoints, Packet};
 use super::shaft::Shafts;
@@ -14,13 +15,43 @@ use crate::error::{Error, Result};
 use crate::scene::View;
 
 /// Side of the squares of pixels that are traced together, and the height of the bands that threads take turns at.
-const TILE: u32 = 8;
+const TILE: u32 = 16;
+
+/// Samples that are followed together, but for those of a last pixel.
+const MOST_TOGETHER: usize = 4096;
 
 /// BLEND surfaces that one camera ray passes before the next counts as opaque.
 const MAX_LAYERS: u32 = 64;
 
 /// From this many samples a pixel on, no branch is dropped for its throughput (design §2).
 const EXACT_SPP: u32 = 64;
+
+/// How the conventional tracer follows rays. Its pictures are the same to within rounding.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Following {
+    /// Each pixel's by themselves but for the first surface: by other code than vertex tracing's, so that errors are measured
+    /// against it.
+    Alone,
+    /// Those of neighbouring pixels bounce by bounce, as vertex tracing follows those of pixels that it traces: the fastest
+    /// conventional tracing here, so that times are measured against it.
+    Together,
+}
+
+/// Samples of each pixel.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub struct Samples {
+    /// How many, at least 1.
+    pub count: u32,
+    /// How their rays are followed.
+    pub following: Following,
+}
+
+impl From<u32> for Samples {
+    /// As many, followed alone.
+    fn from(count: u32) -> Self {
+        Self { count, following: Following::Alone }
+    }
+}
 
 /// An image traced pixel by pixel.
 #[derive(Debug, Clone)]
@@ -35,7 +66,7 @@ pub struct Reference {
     pub time_ms: f64,
 }
 
-/// Traces `view` with `spp` samples a pixel (at least 1).
+/// Traces `view` with `samples` of each pixel.
 ///
 /// A square number of samples lies on a regular grid, any other on the first points of the R₂ sequence.
 /// Where `only` is given, pixels that it marks `false` stay black and cost nothing. The image is the same
@@ -47,12 +78,13 @@ pub fn render(
     tracer: &Tracer,
     view: &View,
     settings: &Settings,
-    spp: u32,
+    samples: impl Into<Samples>,
     only: Option<&[bool]>,
     interrupt: &AtomicBool,
     progress: &(dyn Fn(f32) + Sync),
 ) -> Result<Reference> {
     let start = Instant::now();
+    let Samples { count: spp, following } = samples.into();
     let pattern = sample_pattern(spp.max(1));
     let mut settings = *settings;
     if spp >= EXACT_SPP {
@@ -68,6 +100,7 @@ pub fn render(
     let rays = bands.enumerate().map(|(index, (image, centres))| {
         let mut path = Path::new(tracer, &settings);
         let mut tile = Tile::default();
+        let mut together = ViewRays::new(tracer, &settings, false);
         let rows = image.len() as u32 / view.width;
         let top = index as u32 * TILE;
         for left in (0..view.width).step_by(TILE as usize) {
@@ -77,14 +110,34 @@ pub fn render(
             let across = left..(left + TILE).min(view.width);
             let all = (0..rows).flat_map(|row| across.clone().map(move |x| (x, row)));
             let pixels = all.filter(|(x, row)| wanted(((top + row) * view.width + x) as usize));
-            for inside in &pattern {
-                let ray = |(x, row)| view.ray(Vec2::new(x as f32, (top + row) as f32) + inside);
-                tile.find(tracer, &settings, pixels.clone().map(ray));
-                for ((x, row), &(direction, hit)) in pixels.clone().zip(&tile.hits) {
-                    let here = (row * view.width + x) as usize;
-                    let sum = Vec3::from(image[here]) + path.camera(direction, hit, Some(&tile.shafts));
-                    image[here] = sum.to_array();
-                    centres[here] = hit.is_some_and(|hit| tracer.record(hit.face).vt);
+            let ray = |(x, row), inside| view.ray(Vec2::new(x as f32, (top + row) as f32) + inside);
+            match following {
+                Following::Alone => {
+                    for inside in &pattern {
+                        tile.find(tracer, &settings, pixels.clone().map(|pixel| ray(pixel, *inside)));
+                        for ((x, row), &(direction, hit)) in pixels.clone().zip(&tile.hits) {
+                            let here = (row * view.width + x) as usize;
+                            let sum =
+                                Vec3::from(image[here]) + path.camera(direction, hit, Some(&tile.shafts));
+                            image[here] = sum.to_array();
+                            centres[here] = hit.is_some_and(|hit| tracer.record(hit.face).vt);
+                        }
+                    }
+                }
+                Following::Together => {
+                    let mut rest = pixels.clone().peekable();
+                    while rest.peek().is_some() {
+                        let some: Vec<_> =
+                            rest.by_ref().take(MOST_TOGETHER.div_ceil(pattern.len())).collect();
+                        for &pixel in &some {
+                            pattern.iter().for_each(|&inside| together.add(ray(pixel, inside)));
+                        }
+                        let radiances = together.radiances().chunks(pattern.len());
+                        for (&(x, row), radiances) in some.iter().zip(radiances) {
+                            let sum: Vec3 = radiances.iter().sum();
+                            image[(row * view.width + x) as usize] = sum.to_array();
+                        }
+                    }
                 }
             }
             for (x, row) in pixels {
@@ -94,7 +147,7 @@ pub fn render(
         }
         let finished = finished.fetch_add(1, Ordering::Relaxed) + 1;
         progress(finished as f32 / count as f32);
-        path.rays
+        path.rays + together.rays()
     });
     let rays = rays.reduce(Rays::default, |mut sum, rays| {
         sum += rays;
@@ -105,7 +158,8 @@ pub fn render(
     }
     let time_ms = start.elapsed().as_secs_f64() * 1e3;
     // One sample a pixel lies at its centre and has found the first surface there.
-    let vt_mask = if pattern.len() == 1 && only.is_none() { centres } else { vt_mask(tracer, view) };
+    let found = following == Following::Alone && pattern.len() == 1 && only.is_none();
+    let vt_mask = if found { centres } else { vt_mask(tracer, view) };
     Ok(Reference { image, rays, vt_mask, time_ms })
 }
 

@@ -309,7 +309,7 @@ mod tests {
                 .collect();
             let mut tracer = Tracer::new(&scene);
             let seen = |tracer: &Tracer| {
-                let mut together = ViewRays::new(tracer, &settings);
+                let mut together = ViewRays::new(tracer, &settings, false);
                 rays.iter().for_each(|&ray| together.add(ray));
                 let radiances = together.radiances().to_vec();
                 (radiances, together.rays())

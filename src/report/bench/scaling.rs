@@ -14,7 +14,8 @@ use crate::options::{EffortOptions, Options};
 use crate::report::profile::Spread;
 use crate::scene::demo::stress;
 use crate::scene::{Scene, View};
-use crate::trace::{Settings, Tracer, reference};
+use crate::trace::reference::{self, Following, Samples};
+use crate::trace::{Settings, Tracer};
 
 /// Predicted displacement that refined frames of a series are taken to, in pixels.
 pub const REFINED: f32 = 1.0;
@@ -247,7 +248,8 @@ impl Case<'_> {
         };
         let work = || -> Result<Timed<()>> {
             let Some(effort) = effort else {
-                let traced = reference::render(tracer, view, settings, 1, None, interrupt, &|_| {})?;
+                let samples = Samples { count: 1, following: Following::Together };
+                let traced = reference::render(tracer, view, settings, samples, None, interrupt, &|_| {})?;
                 return Ok((traced.time_ms, ()));
             };
             renderer.set_effort(effort);

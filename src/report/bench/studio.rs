@@ -13,7 +13,8 @@ use crate::options::{Msaa, Options, Reconstruction, Shadows, Ss};
 use crate::report::FloatImage;
 use crate::report::stats::{Stats, Times};
 use crate::scene::{Scene, View};
-use crate::trace::{Settings, Tracer, reference};
+use crate::trace::reference::{self, Following, Samples};
+use crate::trace::{Settings, Tracer};
 
 /// A picture and what it took.
 pub struct Shot {
@@ -124,7 +125,7 @@ impl<'s> Studio<'s> {
             }
             Job::Floor(antialiasing) => Ok(shot(self.rasterise(antialiasing.samples())?)),
             Job::Traced(rate) => {
-                let Traced { ms, rays, image } = self.trace(rate, None, &|_| {})?;
+                let Traced { ms, rays, image } = self.trace(rate, Following::Together, None, &|_| {})?;
                 Ok((ms, Shot { image, rays, stats: None }))
             }
             Job::Hybrid(rate) => self.hybrid(rate),
@@ -135,7 +136,8 @@ impl<'s> Studio<'s> {
     fn hybrid(&mut self, rate: Rate) -> Result<Timed<Shot>> {
         let mask = grown(&self.vt_mask, &self.view, rate);
         let coarse = (rate.side > 1).then(|| shrunk(&mask, &self.view, rate));
-        let traced = self.trace(rate, Some(coarse.as_deref().unwrap_or(&mask)), &|_| {})?;
+        let traced =
+            self.trace(rate, Following::Together, Some(coarse.as_deref().unwrap_or(&mask)), &|_| {})?;
         let frame = self.rasterise((rate.supersampling(), Msaa::One))?;
         let started = Instant::now();
         let mut image = frame.image;
@@ -152,13 +154,14 @@ impl<'s> Studio<'s> {
         renderer.render(&self.view)
     }
 
-    /// The tracer's image, of all pixels or of those that `only` marks on the coarse image of `rate`.
+    /// The tracer's image, rays followed alone or together, of all pixels or of those that `only` marks on the coarse image of `rate`.
     ///
     /// # Errors
     /// [`Error::Interrupted`].
     pub fn trace(
         &self,
         rate: Rate,
+        following: Following,
         only: Option<&[bool]>,
         progress: &(dyn Fn(f32) + Sync),
     ) -> Result<Traced> {
@@ -167,7 +170,7 @@ impl<'s> Studio<'s> {
             &self.tracer,
             &view,
             &self.settings,
-            rate.spp,
+            Samples { count: rate.spp, following },
             only,
             &self.interrupt,
             progress,

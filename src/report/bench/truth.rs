@@ -9,6 +9,7 @@ use super::studio::Studio;
 use crate::error::{Error, Result};
 use crate::report::FloatImage;
 use crate::report::output::write_image;
+use crate::trace::reference::Following;
 
 /// Traces with `spp` samples a pixel, or reads what an earlier run left in the folder `cache`.
 ///
@@ -18,9 +19,11 @@ use crate::report::output::write_image;
 /// # Errors
 /// [`Error::Interrupted`]; [`Error::Io`] if the folder cannot be written to.
 pub fn image(studio: &Studio, spp: u32, cache: Option<&Path>, observer: &dyn Observer) -> Result<FloatImage> {
-    let trace = || Ok(studio.trace(Rate { spp, side: 1 }, None, &|share| observer.share(share))?.image);
+    let trace = || {
+        Ok(studio.trace(Rate { spp, side: 1 }, Following::Alone, None, &|share| observer.share(share))?.image)
+    };
     let Some(cache) = cache else { return trace() };
-    let probe = studio.trace(Rate { spp: 1, side: 4 }, None, &|_| {})?.image;
+    let probe = studio.trace(Rate { spp: 1, side: 4 }, Following::Alone, None, &|_| {})?.image;
     let hash = fingerprint::of(studio.scene, &studio.view, &studio.settings, spp, &probe);
     let path = cache.join(format!("reference_{hash:016x}.pfm"));
     let fits = |image: &FloatImage| (image.width, image.height) == (studio.view.width, studio.view.height);
