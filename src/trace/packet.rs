@@ -16,7 +16,7 @@ use super::{
 const MOST_ENTRIES: usize = 16;
 
 /// Below this many rays, the search takes longer than it saves.
-const FEWEST_RAYS: u32 = 6;
+const FEWEST_RAYS: u32 = 32;
 
 /// Bounds of some rays.
 #[derive(Debug, Clone, Copy)]
