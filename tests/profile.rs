@@ -80,25 +80,19 @@ fn rows_follow_the_contract() {
     }
 }
 
-/// As a user meets it, for a validation layer would be measured too.
+/// Whether it is kept, `make promises` asks of the release profile.
 #[cfg(feature = "cli")]
 #[test]
-fn reading_and_scanning_take_little_more_than_a_copy() {
-    // Work beside it makes the minima of some turns miss; it does not keep any of them from being met for long. In the
-    // development profile it is so on one of eight turns where memory is fast.
-    const TRIES: usize = 40;
+fn checks_fail_where_a_promise_is_not_kept() {
     let folder = tempfile::tempdir().unwrap();
     let cup = folder.path().join("cup.glb");
     std::fs::write(&cup, Demo::Cup.glb()).unwrap();
-    let kept = |try_: usize| {
-        let mut vtrace = std::process::Command::new(env!("CARGO_BIN_EXE_vtrace"));
-        vtrace.env_remove("VTRACE_VALIDATION").args(["profile", "--quick", "--check"]).arg(&cup);
-        let output = vtrace.output().unwrap();
-        let [said, complaint] = [output.stdout, output.stderr].map(|bytes| String::from_utf8(bytes).unwrap());
-        let bound = said.lines().find(|line| line.contains("reading back and scanning 1280x1024"));
-        println!("{try_}: {}", bound.unwrap_or_else(|| panic!("{complaint}")));
-        assert_eq!(output.status.success(), !complaint.contains("NOT KEPT"), "{complaint}");
-        output.status.success()
-    };
-    assert!((0..TRIES).any(kept), "see above");
+    let mut vtrace = std::process::Command::new(env!("CARGO_BIN_EXE_vtrace"));
+    let output = vtrace.args(["profile", "--quick", "--check"]).arg(&cup).output().unwrap();
+    let [said, complaint] = [output.stdout, output.stderr].map(|bytes| String::from_utf8(bytes).unwrap());
+    let bound = said.lines().find(|line| line.contains("reading back and scanning 1280x1024"));
+    let bound = bound.unwrap_or_else(|| panic!("{complaint}"));
+    let kept = bound.ends_with("at most 1.5: kept");
+    assert!(kept || bound.ends_with("NOT KEPT"), "{bound}");
+    assert_eq!((output.status.success(), complaint.contains("NOT KEPT")), (kept, !kept), "{complaint}");
 }

@@ -4,7 +4,7 @@ use glam::Vec2;
 use proptest::prelude::*;
 use vertex_tracing::{
     options::{EffortOptions, Reconstruction},
-    refine::{Refiner, mesh::Mesh, pixels::Shown, predict::Predictor},
+    refine::{Refiner, STOP_SIZE, mesh::Mesh, pixels::Shown, predict::Predictor},
     scene::{Camera, Scene, View, demo::Demo, patch::Targets, structure::Structure, topology::Topology},
     trace::{Settings, Tracer, sample::Context},
     visibility::IdImage,
@@ -129,33 +129,37 @@ struct Refined {
     rays: u64,
 }
 
+/// Refines what `view` shows of `scene` to the default error, and hands it on with the number of faces before.
+fn refine<T>(scene: &Scene, view: &View, look: impl FnOnce(&mut Refiner, usize) -> T) -> T {
+    let tracer = Tracer::new(scene);
+    let topology = Topology::new(&scene.geometry);
+    let targets = Targets::new(scene, &topology);
+    let structures = Structure::all(scene);
+    let ids = ids(&tracer, view);
+    let settings = Settings::default();
+    let context = Context { tracer: &tracer, targets: &targets, settings: &settings, view };
+    let predictor = Predictor {
+        targets: &targets,
+        structures: &structures,
+        scene,
+        view,
+        reconstruction: Reconstruction::Exact,
+        shaft_guard: true,
+    };
+    let mesh = Mesh::new(scene, &topology, view, &seeds(&ids));
+    let image = IdImage { width: view.width, height: view.height, pixels: &ids };
+    let faces_before = mesh.faces.len();
+    let mut refiner = Refiner::new(&context, &predictor, mesh, Shown::Image(image), None);
+    let effort = EffortOptions::default();
+    refiner.run(&effort, std::time::Instant::now(), |_| Ok::<_, ()>(())).unwrap();
+    refiner.mesh.validate();
+    look(&mut refiner, faces_before)
+}
+
 fn refined(threads: usize) -> Refined {
     let pool = rayon::ThreadPoolBuilder::new().num_threads(threads).build().unwrap();
-    pool.install(|| {
-        let scene = Demo::CupAndGlass.scene();
-        let tracer = Tracer::new(&scene);
-        let view = view(&scene);
-        let topology = Topology::new(&scene.geometry);
-        let targets = Targets::new(&scene, &topology);
-        let structures = Structure::all(&scene);
-        let ids = ids(&tracer, &view);
-        let settings = Settings::default();
-        let context = Context { tracer: &tracer, targets: &targets, settings: &settings, view: &view };
-        let predictor = Predictor {
-            targets: &targets,
-            structures: &structures,
-            scene: &scene,
-            view: &view,
-            reconstruction: Reconstruction::Exact,
-            shaft_guard: true,
-        };
-        let mesh = Mesh::new(&scene, &topology, &view, &seeds(&ids));
-        let image = IdImage { width: view.width, height: view.height, pixels: &ids };
-        let faces_before = mesh.faces.len();
-        let mut refiner = Refiner::new(&context, &predictor, mesh, Shown::Image(image), None);
-        let effort = EffortOptions::default();
-        refiner.run(&effort, std::time::Instant::now(), |_| Ok::<_, ()>(())).unwrap();
-        refiner.mesh.validate();
+    let scene = Demo::CupAndGlass.scene();
+    let look = |refiner: &mut Refiner, faces_before| {
         let refined = refiner.mesh.leaves().count();
         refiner.unite();
         let mesh = &refiner.mesh;
@@ -171,7 +175,49 @@ fn refined(threads: usize) -> Refined {
             leaves,
             rays: refiner.samples.rays.total(),
         }
-    })
+    };
+    pool.install(|| refine(&scene, &view(&scene), look))
+}
+
+/// A mirror ball of a few hundred faces, as many pixels in radius, above a chessboard.
+fn ball(radius: f32) -> (Scene, View) {
+    use glam::{Vec3, vec3};
+    use vertex_tracing::scene::demo::{SceneBuilder, chrome, matte, shape, texture};
+    let mut builder = SceneBuilder::new("ball");
+    let boards = builder.texture(texture::chessboard(64));
+    let floor = builder.material(matte("floor").textured(boards));
+    builder.mesh("floor", shape::plane(vec3(-9.0, -2.0, 9.0), Vec3::X * 18.0, Vec3::Z * -18.0, 1.0), floor);
+    let mirror = builder.material(chrome("mirror", Vec3::ONE));
+    builder.mesh("ball", shape::sphere(Vec3::ZERO, 1.0, 2), mirror);
+    let angle = 2.0 * (512.0 * 0.1 / radius).atan();
+    builder.camera(Camera::look_at(Vec3::Z * 10.0, Vec3::ZERO, angle));
+    let scene = builder.build().unwrap();
+    let view = View::new(&scene.cameras[0], 1280, 1024, scene.bounds());
+    (scene, view)
+}
+
+/// Faces that would be bisected once more only for their halves to be traced are traced as they are.
+#[test]
+fn hopeless_faces_are_not_bisected_first() {
+    let leaves = |refiner: &Refiner, scene: &Scene| {
+        let mesh = &refiner.mesh;
+        mesh.leaves().filter(|&face| scene.is_vt(mesh.faces[face as usize].base)).collect::<Vec<u32>>()
+    };
+    let (scene, view) = ball(84.0);
+    refine(&scene, &view, |refiner, _| {
+        let (leaves, mesh) = (leaves(refiner, &scene), &refiner.mesh);
+        assert!(leaves.iter().all(|&face| mesh.faces[face as usize].level == 0), "nothing is bisected");
+        let large: Vec<u32> = leaves.into_iter().filter(|&face| mesh.size(face) > STOP_SIZE).collect();
+        assert!(large.len() > 50, "{} are too large to be traced for their size", large.len());
+        assert!(large.iter().all(|face| refiner.pixel_faces.contains(face)), "all of them are traced");
+    });
+    // Of larger faces the halves are looked at.
+    let (scene, view) = ball(240.0);
+    refine(&scene, &view, |refiner, _| {
+        let bisected =
+            leaves(refiner, &scene).into_iter().filter(|&face| refiner.mesh.faces[face as usize].level > 0);
+        assert!(bisected.count() > 200);
+    });
 }
 
 #[test]
