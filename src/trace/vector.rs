@@ -47,6 +47,7 @@ impl Processor {
     }
 
     /// Does `work`, compiled for it.
+    #[cfg_attr(not(target_arch = "x86_64"), allow(unused_variables))]
     pub fn run(self, work: impl Work) {
         match self {
             #[cfg(target_arch = "x86_64")]
