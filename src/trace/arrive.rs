@@ -1,4 +1,4 @@
-//! Rays that arrive at faces of one plain finish, shaded side by side.
+//! Rays that arrive at faces and what leaves from there; at those of one plain finish they are shaded side by side.
 
 use glam::Vec3;
 
@@ -10,8 +10,45 @@ use super::shade::{Lights, MASK_LIGHTS};
 use super::shaft::Shafts;
 use super::texel::{Place, Texels};
 use super::vector::{Isa, Lanes3, Mask, Numbers, WIDTH, Work, get, put};
-use super::wave::{Arrival, Ray};
-use super::{Rays, Settings, Tracer};
+use super::{Hit, Rays, Settings, Tracer};
+use crate::scene::Scene;
+
+/// A specular ray of the next bounce.
+pub(super) struct Ray {
+    /// The point whose radiance it is part of.
+    pub point: u32,
+    /// As [`Branch`](optics::Branch) has them.
+    pub origin: Vec3,
+    pub direction: Vec3,
+    pub start: Vec3,
+    /// Share of the radiance along it that reaches the eye.
+    pub throughput: Vec3,
+    /// Material of the body that it runs through, or [`OUTSIDE`](Self::OUTSIDE).
+    pub body: u32,
+}
+
+/// A ray that has met something.
+#[derive(Clone, Copy)]
+pub(super) struct Arrival {
+    /// The point whose radiance it is part of.
+    pub point: u32,
+    /// Its unit direction.
+    pub direction: Vec3,
+    pub hit: Hit,
+    /// Share of the radiance along it that reaches the eye.
+    pub throughput: Vec3,
+}
+
+impl Ray {
+    /// No body.
+    pub const OUTSIDE: u32 = u32::MAX;
+
+    /// What its body lets through on the way to `end`; `None` for a ray that leaves the scene.
+    pub fn transmittance(&self, scene: &Scene, end: Option<Vec3>) -> Vec3 {
+        let volume = scene.materials.get(self.body as usize).and_then(|material| material.volume);
+        optics::transmittance(volume, self.start, end)
+    }
+}
 
 /// Rays below which shading side by side would mostly shade nothing.
 pub(super) const FEWEST_TOGETHER: usize = 3;

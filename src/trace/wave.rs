@@ -3,13 +3,12 @@
 
 use glam::Vec3;
 
-use super::arrive::{Arrive, FEWEST_TOGETHER};
+use super::arrive::{Arrival, Arrive, FEWEST_TOGETHER, Ray};
 use super::finish::{Finish, finish_of};
 use super::optics::{self, Branch, BranchKind};
 use super::packet::{EntryPoints, Packet};
 use super::shaft::Shafts;
 use super::{Appearance, Hit, Rays, Settings, Surface, Tracer, shade};
-use crate::scene::Scene;
 
 /// Points of faces that neighbouring view rays meet.
 pub struct Points<'t, 's> {
@@ -29,43 +28,6 @@ pub struct Points<'t, 's> {
     /// Rays of the wave at hand, origins and directions, and what they meet.
     search: (Vec<(Vec3, Vec3)>, Vec<Option<Hit>>),
     rays: Rays,
-}
-
-/// A specular ray of the next bounce.
-pub(super) struct Ray {
-    /// The point whose radiance it is part of.
-    pub point: u32,
-    /// As [`Branch`] has them.
-    pub origin: Vec3,
-    pub direction: Vec3,
-    pub start: Vec3,
-    /// Share of the radiance along it that reaches the eye.
-    pub throughput: Vec3,
-    /// Material of the body that it runs through, or [`OUTSIDE`](Self::OUTSIDE).
-    pub body: u32,
-}
-
-/// A ray that has met something.
-#[derive(Clone, Copy)]
-pub(super) struct Arrival {
-    /// The point whose radiance it is part of.
-    pub point: u32,
-    /// Its unit direction.
-    pub direction: Vec3,
-    pub hit: Hit,
-    /// Share of the radiance along it that reaches the eye.
-    pub throughput: Vec3,
-}
-
-impl Ray {
-    /// No body.
-    pub const OUTSIDE: u32 = u32::MAX;
-
-    /// What its body lets through on the way to `end`; `None` for a ray that leaves the scene.
-    fn transmittance(&self, scene: &Scene, end: Option<Vec3>) -> Vec3 {
-        let volume = scene.materials.get(self.body as usize).and_then(|material| material.volume);
-        optics::transmittance(volume, self.start, end)
-    }
 }
 
 impl<'t, 's> Points<'t, 's> {
@@ -245,7 +207,7 @@ mod tests {
     use crate::scene::classify::{VtRules, classify};
     use crate::scene::demo::{Demo, SceneBuilder, chrome, glass, matte, shape, texture};
     use crate::scene::light::{Light, LightKind};
-    use crate::scene::{Camera, Material, Volume};
+    use crate::scene::{Camera, Material, Scene, Volume};
 
     /// What the demos lack: every kind of light, highlights, a thin wall, a body that absorbs, vertex normals that turn away
     /// from the eye, and a material without light.
