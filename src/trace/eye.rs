@@ -2,7 +2,7 @@
 
 use glam::Vec3;
 
-use super::packet::{EntryPoints, Packet};
+use super::bvh::{EntryPoints, Packet};
 use super::surface::coverage;
 use super::wave::Points;
 use super::{Appearance, Hit, Rays, Settings, Surface, Tracer, shade};

@@ -6,14 +6,10 @@
 
 mod arrive;
 pub mod bvh;
-mod collapse;
 pub mod eye;
 mod finish;
-mod lanes;
 pub mod light;
 pub mod optics;
-mod packet;
-mod quad;
 pub mod real;
 pub mod reference;
 pub mod sample;
@@ -23,7 +19,6 @@ pub mod surface;
 pub mod texel;
 mod vector;
 pub mod wave;
-mod wide;
 
 use std::ops::{Add, AddAssign, Sub};
 

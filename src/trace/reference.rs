@@ -6,9 +6,9 @@ use std::time::Instant;
 use glam::{Vec2, Vec3};
 use rayon::prelude::*;
 
+use super::bvh::{EntryPoints, Packet};
 use super::eye::ViewRays;
 use super::optics::{self, Branch, BranchKind};
-use super::packet::{EntryPoints, Packet};
 use super::shaft::Shafts;
 use super::{Appearance, Hit, Rays, Settings, Surface, Tracer, shade, surface};
 use crate::error::{Error, Result};

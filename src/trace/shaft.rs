@@ -4,7 +4,7 @@ use glam::Vec3;
 
 use super::{
     Hit, Settings, Tracer,
-    packet::{EntryPoints, Packet},
+    bvh::{EntryPoints, Packet},
     shade::MASK_LIGHTS,
 };
 

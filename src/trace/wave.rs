@@ -4,9 +4,9 @@
 use glam::Vec3;
 
 use super::arrive::{Arrival, Arrive, FEWEST_TOGETHER, Ray};
+use super::bvh::{EntryPoints, Packet};
 use super::finish::{Finish, finish_of};
 use super::optics::{self, Branch, BranchKind};
-use super::packet::{EntryPoints, Packet};
 use super::shaft::Shafts;
 use super::{Appearance, Hit, Rays, Settings, Surface, Tracer, shade};
 

@@ -8,9 +8,9 @@ use glam::Vec3;
 use super::Hit;
 use super::packet::{Packet, PacketProbe};
 use super::quad::{LANES, Quad};
-use super::real::{Choice, Real, Triple};
-use super::vector::{Isa, Mask, Numbers, Processor, WIDTH, Work, get, put};
 use super::wide::{Bounds, Bvh4, Child, Node, SMALLEST_COMPONENT};
+use crate::trace::real::{Choice, Real, Triple};
+use crate::trace::vector::{Isa, Mask, Numbers, Processor, WIDTH, Work, get, put};
 
 /// Rays that go through the tree together.
 pub(super) const RAYS: usize = WIDTH;

@@ -20,7 +20,7 @@ const FEWEST_RAYS: u32 = 32;
 
 /// Bounds of some rays.
 #[derive(Debug, Clone, Copy)]
-pub(super) struct Packet {
+pub(in crate::trace) struct Packet {
     /// Least and greatest coordinates.
     pub origins: [Vec3; 2],
     /// Least and greatest components of the unit vectors.
@@ -131,7 +131,7 @@ impl PacketProbe {
 
 /// Where the rays of a packet have to look.
 #[derive(Default)]
-pub(super) struct EntryPoints {
+pub(in crate::trace) struct EntryPoints {
     /// Boxes to look into, four a node and roughly from near to far; none where nothing can be met.
     nodes: Vec<Node>,
     /// Boxes that were found.
@@ -152,7 +152,7 @@ struct Entry {
 impl EntryPoints {
     /// The nodes to start from.
     #[inline]
-    pub fn nodes(&self) -> &[Node] {
+    pub(super) fn nodes(&self) -> &[Node] {
         &self.nodes
     }
 
@@ -163,7 +163,7 @@ impl EntryPoints {
     }
 
     /// Makes them those of `packet` in `tree`: opens boxes level by level while there is room for what is in them.
-    pub fn find(&mut self, tree: &Bvh4, packet: &Packet) {
+    pub(super) fn find(&mut self, tree: &Bvh4, packet: &Packet) {
         self.nodes.clear();
         if packet.rays < FEWEST_RAYS {
             self.nodes.push(tree.node(Child::ROOT).clone());

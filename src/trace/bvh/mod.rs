@@ -1,5 +1,11 @@
 //! Closest hits and occlusion among the faces of a scene.
 
+mod collapse;
+mod lanes;
+mod packet;
+mod quad;
+mod wide;
+
 use std::time::Duration;
 
 use glam::{Vec3, Vec3A};
@@ -9,18 +15,16 @@ use obvhs::{
     bvh2::{Bvh2, builder::build_bvh2},
 };
 
-use super::{
-    finish::{Finish, finishes},
-    lanes,
-    packet::{EntryPoints, Packet},
-    quad::{Crossing, Probe},
-    real::{Real, Triple},
-    surface::{self, Record},
-    texel,
-    vector::{Isa, Numbers, Processor, WIDTH, get},
-    wide::{BoxProbe, Bvh4, Node},
-};
+use super::finish::{Finish, finishes};
+use super::real::{Real, Triple};
+use super::surface::{self, Record};
+use super::texel;
+use super::vector::{Isa, Numbers, Processor, WIDTH, get};
 use crate::scene::{AlphaMode, Scene};
+
+pub(super) use packet::{EntryPoints, Packet};
+use quad::{Crossing, Probe};
+use wide::{BoxProbe, Bvh4, Node};
 
 /// Rays end this fraction of the distance short of a light, so that a light on a surface is seen.
 const SHADOW_END: f32 = 1e-4;
