@@ -3,7 +3,7 @@
 use std::{
     fmt::Display,
     io::{self, IsTerminal, Write},
-    panic, process,
+    panic,
     sync::{
         Arc, LazyLock, Once,
         atomic::{AtomicBool, Ordering},
@@ -16,6 +16,7 @@ use indicatif::{ProgressBar, ProgressStyle};
 
 use crate::{
     error::{Error, Result},
+    gpu::end_at_once,
     report::output::hold_files,
 };
 
@@ -83,7 +84,7 @@ fn end_on_signals() {
     let flag = interrupt();
     let handler = move || {
         if flag.swap(true, Ordering::Relaxed) {
-            process::exit(INTERRUPTED.into());
+            end_at_once(INTERRUPTED);
         }
         // Aside, so that a second signal is heard.
         thread::spawn(|| {
@@ -94,7 +95,7 @@ fn end_on_signals() {
                 let _ = write!(io::stderr(), "\r\x1b[2K");
             }
             complain_of_interrupt();
-            process::exit(INTERRUPTED.into());
+            end_at_once(INTERRUPTED);
         });
     };
     if let Err(error) = ctrlc::set_handler(handler) {

@@ -143,7 +143,7 @@ impl Arrive<'_> {
             let point = self.arrivals[index as usize].point;
             self.radiances[point as usize] += Vec3::new(x[lane], y[lane], z[lane]);
         }
-        if !self.goes_on || !finish.vt {
+        if !self.goes_on {
             return;
         }
 
@@ -158,8 +158,9 @@ impl Arrive<'_> {
         for ((leaving, origin, within), next) in ways.into_iter().zip(&mut *self.next) {
             let Some(Leaving { any, direction, attenuation }) = leaving else { continue };
             let throughput = attenuation.times(throughput);
-            let faint = throughput.greatest().lt(zero.all(settings.min_throughput));
-            let mut lanes = (any & !faint).bits() & (u16::MAX >> (WIDTH - which.len()));
+            // Of what is no number nothing goes on.
+            let strong = zero.all(settings.min_throughput).le(throughput.greatest());
+            let mut lanes = (any & strong).bits() & (u16::MAX >> (WIDTH - which.len()));
             let (origins, directions, throughputs) = (origin.store(), direction.store(), throughput.store());
             while lanes != 0 {
                 let lane = lanes.trailing_zeros() as usize % WIDTH;

@@ -127,12 +127,14 @@ impl<'t, 's> Points<'t, 's> {
             self.by_finish[finish].push(index as u32);
         }
         let mut next = [self.room(), self.room()];
-        for index in std::mem::take(&mut self.finishes) {
+        let mut finishes = std::mem::take(&mut self.finishes);
+        for index in finishes.drain(..) {
             let mut which = std::mem::take(&mut self.by_finish[index as usize]);
             self.arrive_at(&tracer.finishes()[index as usize], &which, bounces, &mut next);
             which.clear();
             self.by_finish[index as usize] = which;
         }
+        self.finishes = finishes;
         self.arrivals.clear();
         for (kind, mut wave) in [BranchKind::Reflect, BranchKind::Refract].into_iter().zip(next) {
             if !wave.is_empty() {
