@@ -2,7 +2,7 @@
 
 /// Ends the process with this exit code and runs no destructors, of this program or of any library.
 ///
-/// `exit` runs those of the driver's libraries while their threads may still draw: one of thirty interrupts of a long draw
+/// `exit` runs those of the driver's libraries while their threads may still draw: three of sixty interrupts of a long draw
 /// ended in a segmentation fault.
 pub fn end_at_once(code: u8) -> ! {
     #[cfg(unix)]
