@@ -5,6 +5,8 @@
 //! belong to charts, within which texture coordinates are continuous. Both are *targets*: the identity of
 //! what a specular path ends on, for matching paths between samples.
 
+use std::ops::Range;
+
 use glam::{DMat2, DVec2, DVec3, Vec2, Vec3, Vec4};
 
 use super::{Material, Scene, TextureSlot, topology::Topology};
@@ -65,7 +67,7 @@ impl Targets {
         for object in &scene.objects {
             let faces = object.faces.clone();
             let material = &scene.materials[object.material as usize];
-            let adjacency = Adjacency::new(scene, topology, faces.clone());
+            let mut adjacency = Adjacency::new(scene, topology, faces.clone());
             if can_be_planar(material) {
                 let total: f64 = faces.clone().map(|f| f64::from(geometry.area_normal(f).length())).sum();
                 for seed in faces.clone() {
@@ -131,40 +133,57 @@ fn can_be_planar(material: &Material) -> bool {
 /// Faces of one object across edges on both sides of which the texture coordinates agree.
 struct Adjacency {
     first: u32,
-    neighbours: Vec<Vec<u32>>,
+    /// By face: where its neighbours start; one more at the end.
+    starts: Vec<u32>,
+    neighbours: Vec<u32>,
+    /// By face: the last flood that reached it.
+    reached: Vec<u32>,
+    floods: u32,
 }
 
 impl Adjacency {
-    fn new(scene: &Scene, topology: &Topology, faces: std::ops::Range<u32>) -> Self {
+    fn new(scene: &Scene, topology: &Topology, faces: Range<u32>) -> Self {
         let geometry = &scene.geometry;
-        let mut neighbours = vec![Vec::new(); faces.len()];
         let uvs_at = |face: u32, point: u32| {
             let corner =
                 geometry.faces[face as usize].into_iter().find(|&v| topology.point[v as usize] == point);
             corner.map(|v| [geometry.uv(0, v), geometry.uv(1, v)])
         };
-        for edge in topology.edges(geometry, faces.clone()) {
-            let (a, b) = topology.edge(geometry, edge[0]);
-            for pair in edge.windows(2) {
-                let (f, g) = (pair[0].face, pair[1].face);
-                if uvs_at(f, a) == uvs_at(g, a) && uvs_at(f, b) == uvs_at(g, b) {
-                    neighbours[(f - faces.start) as usize].push(g);
-                    neighbours[(g - faces.start) as usize].push(f);
-                }
-            }
+        let sides = topology.sides(geometry, faces.clone());
+        let pairs = sides.windows(2).filter_map(|pair| {
+            let [((a, b), f), (edge, g)] = [pair[0], pair[1]];
+            let (f, g) = (f.face, g.face);
+            let joined = (a, b) == edge && uvs_at(f, a) == uvs_at(g, a) && uvs_at(f, b) == uvs_at(g, b);
+            joined.then(|| [f - faces.start, g - faces.start])
+        });
+        let pairs: Vec<[u32; 2]> = pairs.collect();
+        drop(sides);
+        let mut starts = vec![0; faces.len() + 1];
+        pairs.as_flattened().iter().for_each(|&face| starts[face as usize + 1] += 1);
+        (1..starts.len()).for_each(|face| starts[face] += starts[face - 1]);
+        let mut ends = starts.clone();
+        let mut neighbours = vec![0; 2 * pairs.len()];
+        for [f, g] in pairs.iter().flat_map(|&[f, g]| [[f, g], [g, f]]) {
+            let end = &mut ends[f as usize];
+            neighbours[*end as usize] = g + faces.start;
+            *end += 1;
         }
-        Self { first: faces.start, neighbours }
+        Self { first: faces.start, starts, neighbours, reached: vec![0; faces.len()], floods: 0 }
     }
 
     /// Faces connected with `seed` through faces that `accept`, `seed` first.
-    fn flood(&self, seed: u32, accept: impl Fn(u32) -> bool) -> Vec<u32> {
-        let mut seen = std::collections::HashSet::from([seed]);
+    fn flood(&mut self, seed: u32, accept: impl Fn(u32) -> bool) -> Vec<u32> {
+        self.floods += 1;
+        let Self { first, starts, neighbours, reached, floods } = self;
+        reached[(seed - *first) as usize] = *floods;
         let mut group = vec![seed];
         let mut next = 0;
         while next < group.len() {
-            for &face in &self.neighbours[(group[next] - self.first) as usize] {
-                if !seen.contains(&face) && accept(face) {
-                    seen.insert(face);
+            let face = (group[next] - *first) as usize;
+            for &face in &neighbours[starts[face] as usize..starts[face + 1] as usize] {
+                let reached = &mut reached[(face - *first) as usize];
+                if *reached != *floods && accept(face) {
+                    *reached = *floods;
                     group.push(face);
                 }
             }

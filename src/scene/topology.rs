@@ -3,6 +3,10 @@
 //! Texture and normal seams duplicate vertices; they must not open cracks (design §6), so edges are
 //! matched by position, never by vertex index.
 
+use std::ops::Range;
+
+use rayon::prelude::*;
+
 use super::Geometry;
 
 /// Point ids of vertices; equal for vertices with bit-equal positions.
@@ -57,13 +61,16 @@ impl Topology {
         (a.min(b), a.max(b))
     }
 
-    /// The sides of all edges of `faces`, grouped by edge, in a deterministic order.
-    pub fn edges(&self, geometry: &Geometry, faces: impl Iterator<Item = u32>) -> Vec<Vec<Side>> {
-        let mut sides: Vec<((u32, u32), Side)> = faces
-            .flat_map(|face| (0..3).map(move |edge| Side { face, edge }))
-            .map(|side| (self.edge(geometry, side), side))
-            .collect();
-        sides.sort_unstable_by_key(|&(edge, side)| (edge, side.face, side.edge));
-        sides.chunk_by(|a, b| a.0 == b.0).map(|group| group.iter().map(|&(_, side)| side).collect()).collect()
+    /// The sides of `faces`, each with the two points of its edge: those of one edge follow one another, faces ascending.
+    pub fn sides(&self, geometry: &Geometry, faces: Range<u32>) -> Vec<((u32, u32), Side)> {
+        let mut sides = Vec::with_capacity(3 * faces.len());
+        sides.extend(faces.flat_map(|face| {
+            (0..3).map(move |edge| {
+                let side = Side { face, edge };
+                (self.edge(geometry, side), side)
+            })
+        }));
+        sides.par_sort_unstable_by_key(|&(edge, side)| (edge, side.face, side.edge));
+        sides
     }
 }
