@@ -1,6 +1,6 @@
 //! Recording, submitting and waiting: a command buffer owns what it uses until the device is done with it.
 
-use std::{any::Any, sync::Arc};
+use std::{any::Any, ops::Range, sync::Arc};
 
 use ash::vk;
 use bytemuck::Pod;
@@ -154,12 +154,26 @@ impl<'a> Recording<'a> {
     /// # Panics
     /// If it does not fit.
     pub fn read_image(&mut self, image: &Image, target: &'a mut ReadbackBuffer) {
-        assert!(image.bytes() <= target.size(), "{} does not fit into {}", image.raw.name, target.raw.name);
+        self.read_rows(image, 0..image.height(), target);
+    }
+
+    /// As [`read_image`](Self::read_image), but only some rows.
+    ///
+    /// # Panics
+    /// If they do not fit, or the image has no such rows.
+    pub fn read_rows(&mut self, image: &Image, rows: Range<u32>, target: &'a mut ReadbackBuffer) {
+        assert!(!rows.is_empty() && rows.end <= image.height(), "{} has no rows {rows:?}", image.raw.name);
+        let bytes = image.row_bytes() * rows.len() as u64;
+        assert!(bytes <= target.size(), "{} does not fit into {}", image.raw.name, target.raw.name);
         self.image_access(&image.raw, Access::TransferRead, false);
         self.buffer_access(&target.raw, Access::TransferWrite);
         let aspect =
             if image.format().is_depth() { vk::ImageAspectFlags::DEPTH } else { vk::ImageAspectFlags::COLOR };
-        let regions = [image_copy(&image.raw, aspect, 0, 0)];
+        let regions = [vk::BufferImageCopy {
+            image_offset: vk::Offset3D { x: 0, y: rows.start as i32, z: 0 },
+            image_extent: vk::Extent3D { width: image.width(), height: rows.len() as u32, depth: 1 },
+            ..image_copy(&image.raw, aspect, 0, 0)
+        }];
         // SAFETY: recording; the copy fits and both sides are in the right layout or access.
         unsafe {
             self.device().cmd_copy_image_to_buffer(

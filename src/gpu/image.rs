@@ -189,7 +189,12 @@ impl Image {
 
     /// Bytes of level 0 of one layer when copied to a buffer.
     pub fn bytes(&self) -> u64 {
-        u64::from(self.raw.width) * u64::from(self.raw.height) * self.raw.format.texel_bytes()
+        self.row_bytes() * u64::from(self.raw.height)
+    }
+
+    /// Bytes of a row of these.
+    pub fn row_bytes(&self) -> u64 {
+        u64::from(self.raw.width) * self.raw.format.texel_bytes()
     }
 }
 

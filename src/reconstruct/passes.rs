@@ -332,10 +332,7 @@ impl Painter {
             return Ok(FloatImage { width: 0, height: 0, pixels: Vec::new() });
         };
         let picture = target.picture().clone();
-        let mut recording = commands.begin()?;
-        recording.read_image(&picture, &mut target.staging);
-        recording.submit_and_wait()?;
-        readback::linear(&mut target.staging, picture.width(), picture.height())
+        readback::read_in_bands(commands, &picture, &mut target.staging)
     }
 
     /// Starts to copy the finished image to the host; `None` if nothing was drawn yet.

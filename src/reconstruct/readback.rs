@@ -58,18 +58,39 @@ impl PendingImage {
     /// A lost device.
     pub fn finish(mut self) -> Result<FloatImage> {
         let (width, height) = (self.width, self.height);
-        let image = linear(&mut self.staging, width, height)?;
+        let pixels = linear(&mut self.staging, width as usize * height as usize)?.collect();
+        let image = FloatImage { width, height, pixels };
         self.home.lock().unwrap_or_else(PoisonError::into_inner).push(self.staging);
         Ok(image)
     }
 }
 
-/// The image of four halves a pixel that was copied to `staging`.
+/// Copies `color`, four halves a pixel, to the host, linear, as many rows at a time as `staging` has room for, one at least.
 ///
 /// # Errors
 /// A lost device.
-pub fn linear(staging: &mut ReadbackBuffer, width: u32, height: u32) -> Result<FloatImage> {
-    let halves: &[[half::f16; 4]] = staging.read(width as usize * height as usize)?;
-    let pixels = halves.iter().map(|p| [p[0].to_f32(), p[1].to_f32(), p[2].to_f32()]).collect();
+pub fn read_in_bands(
+    commands: &mut Commands,
+    color: &Image,
+    staging: &mut ReadbackBuffer,
+) -> Result<FloatImage> {
+    let (width, height) = (color.width(), color.height());
+    let at_once = (staging.size() / color.row_bytes()).max(1) as u32;
+    let mut pixels = Vec::with_capacity(width as usize * height as usize);
+    let mut top = 0;
+    while top < height {
+        let rows = top..height.min(top + at_once);
+        let mut recording = commands.begin()?;
+        recording.read_rows(color, rows.clone(), staging);
+        recording.submit_and_wait()?;
+        pixels.extend(linear(staging, width as usize * rows.len())?);
+        top = rows.end;
+    }
     Ok(FloatImage { width, height, pixels })
+}
+
+/// The first `count` pixels, of four halves each, that were copied to `staging`.
+fn linear(staging: &mut ReadbackBuffer, count: usize) -> Result<impl Iterator<Item = [f32; 3]>> {
+    let halves: &[[half::f16; 4]] = staging.read(count)?;
+    Ok(halves.iter().map(|p| [p[0].to_f32(), p[1].to_f32(), p[2].to_f32()]))
 }

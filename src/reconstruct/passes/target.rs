@@ -11,6 +11,9 @@ use crate::gpu::{
 /// Bytes of images up to which pixels are divided into fragments of one draw.
 const MOST_BYTES: u64 = 1 << 30;
 
+/// Bytes of an image that go to the host at once: few enough to be converted while they are in the processor's caches.
+const BAND_BYTES: u64 = 4 << 20;
+
 /// What a target is made for.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub struct TargetDesc {
@@ -32,7 +35,14 @@ impl TargetDesc {
         let multisampled = if self.samples > 1 { self.multisampled().bytes() } else { 0 };
         let mean = if self.halvings > 0 { self.mean().bytes() } else { 0 };
         let color = self.image("color", Format::Rgba16f).bytes();
-        color + mean + multisampled + self.depth_image().bytes() + self.mean().bytes()
+        color + mean + multisampled + self.depth_image().bytes() + self.staging_bytes()
+    }
+
+    /// Bytes of the staging buffer: of the whole image where its codes are scanned.
+    fn staging_bytes(&self) -> u64 {
+        let image = self.mean().bytes();
+        let band = BAND_BYTES.max(image / u64::from(self.height.max(1)));
+        if self.depth.has_stencil() { image } else { image.min(band) }
     }
 
     /// The same with four times as many fragments, unless they had better be drawn in turns.
@@ -86,8 +96,7 @@ impl Target {
         let mean = (desc.halvings > 0).then(|| Image::new(gpu, &desc.mean())).transpose()?;
         let multisampled = (desc.samples > 1).then(|| Image::new(gpu, &desc.multisampled())).transpose()?;
         let depth = Image::new(gpu, &desc.depth_image())?;
-        let bytes = mean.as_ref().unwrap_or(&color).bytes();
-        let staging = ReadbackBuffer::new(gpu, "image staging", bytes, ReadbackChoice::Best)?;
+        let staging = ReadbackBuffer::new(gpu, "image staging", desc.staging_bytes(), ReadbackChoice::Best)?;
         Ok(Self { desc, color, mean, multisampled, depth, staging })
     }
 
