@@ -191,6 +191,34 @@ fn a_planar_mirror_of_the_floor_needs_no_refinement() {
 }
 
 #[test]
+fn mirrors_that_reach_behind_the_eye_are_seen_whole() {
+    let gpu = TestGpu::open();
+    // Two triangles over the eye, most of whose corners are behind it.
+    for (turn, length) in [(0.0_f32, 6.0_f32), (0.3, 6.0), (1.2, 9.0), (2.6, 40.0)] {
+        let mut builder = SceneBuilder::new("over the eye");
+        glowing_floor(&mut builder);
+        let silver = Material { double_sided: true, ..chrome("silver", Vec3::splat(0.9)) };
+        let silver = builder.material(silver);
+        let (sin, cos) = turn.sin_cos();
+        let (along, across) = (vec3(sin, 0.0, cos) * length, vec3(cos, 0.0, -sin) * 0.35 * length);
+        let corner = vec3(0.0, 1.5, 0.0) - along - across;
+        builder.mesh("mirror", shape::plane(corner, 2.0 * along, 2.0 * across, 1.0), silver);
+        builder.camera(Camera::look_at(vec3(0.0, 0.7, 0.0), vec3(0.0, 0.7, -1.0), 1.05));
+        let scene = builder.build().unwrap();
+        for visibility in [VisibilityWay::IdBuffer, VisibilityWay::SinglePass, VisibilityWay::Device] {
+            let mut options = options(640, 512);
+            options.method.visibility = visibility;
+            let frame = gpu.render(&scene, &options);
+            let error = over_vt(&frame, &options, &traced(&scene, &options, 1, None));
+            let psnr = error.psnr.unwrap_or(99.0);
+            println!("turned {turn}, {length} long, {visibility:?}: {psnr:.1} dB");
+            assert!(psnr > 45.0, "turned {turn}, {length} long, {visibility:?}: {psnr:.1} dB");
+        }
+    }
+    gpu.finish();
+}
+
+#[test]
 fn dense_meshes_cost_no_more_than_conventional_tracing() {
     let gpu = TestGpu::open();
     // Below a pixel a face, a few pixels a face, and in between.

@@ -28,23 +28,30 @@ pub struct Footprint {
 impl Footprint {
     /// That of `face` in `view`.
     pub fn new(mesh: &Mesh, view: &View, face: u32) -> Self {
-        let corners = mesh.faces[face as usize]
-            .corners
-            .map(|corner| view.project(mesh.position(corner)).map(|(pixel, _)| pixel));
-        let mut low = Vec2::splat(f32::INFINITY);
-        let mut high = Vec2::splat(f32::NEG_INFINITY);
-        for pixel in corners.into_iter().flatten() {
-            low = low.min(pixel);
-            high = high.max(pixel);
-        }
+        Self::of(view, mesh.faces[face as usize].corners.map(|corner| mesh.position(corner)))
+    }
+
+    /// That of a triangle.
+    fn of(view: &View, corners: [Vec3; 3]) -> Self {
+        let (mut low, mut high) = (Vec2::splat(f32::INFINITY), Vec2::splat(f32::NEG_INFINITY));
+        let mut reach = |pixel: Vec2| (low, high) = (low.min(pixel), high.max(pixel));
+        let projected = corners.map(|corner| view.project(corner).map(|(pixel, _)| pixel));
+        projected.into_iter().flatten().for_each(&mut reach);
+        let sides = match projected {
+            [Some(a), Some(b), Some(c)] => sides([a, b, c]),
+            [None, None, None] => [Vec3::ZERO; 3],
+            _ => {
+                // Partly not before the eye: it ends where the near plane cuts it.
+                let cut = (0..3).filter_map(|i| view.cut(corners[i], corners[(i + 1) % 3]));
+                cut.for_each(&mut reach);
+                [Vec3::ZERO; 3]
+            }
+        };
         let range = |low: f32, high: f32, size: u32| {
             let first = (low - ROUNDING).max(0.0) as u32;
-            let end = if high >= -ROUNDING { ((high + ROUNDING) as u32 + 1).min(size) } else { 0 };
+            let end =
+                if high >= -ROUNDING { ((high + ROUNDING).min(size as f32) as u32 + 1).min(size) } else { 0 };
             first..end
-        };
-        let sides = match corners {
-            [Some(a), Some(b), Some(c)] => sides([a, b, c]),
-            _ => [Vec3::ZERO; 3],
         };
         Self { columns: range(low.x, high.x, view.width), rows: range(low.y, high.y, view.height), sides }
     }

@@ -170,10 +170,25 @@ impl View {
         if depth < self.near {
             return None;
         }
-        let scale = if self.orthographic { 1.0 } else { depth };
-        let ndc = Vec2::new(to.dot(self.right), to.dot(self.up)) / (self.half * scale);
+        Some((self.pixel(Vec2::new(to.dot(self.right), to.dot(self.up)), depth), depth))
+    }
+
+    /// The pixel of a point that is `offset` right of and above the view's axis, and `depth` along it from the eye.
+    fn pixel(&self, offset: Vec2, depth: f32) -> Vec2 {
+        let ndc = offset / (self.half * if self.orthographic { 1.0 } else { depth });
         let size = Vec2::new(self.width as f32, self.height as f32);
-        Some((Vec2::new(ndc.x + 1.0, 1.0 - ndc.y) * 0.5 * size, depth))
+        Vec2::new(ndc.x + 1.0, 1.0 - ndc.y) * 0.5 * size
+    }
+
+    /// Where the line from `from` to `to` goes through the near plane, in pixels; `None` if both are on one side of it.
+    pub fn cut(&self, from: Vec3, to: Vec3) -> Option<Vec2> {
+        let before = |point: Vec3| (point - self.eye).dot(self.forward) - self.near;
+        let (start, end) = (before(from), before(to));
+        if (start < 0.0) == (end < 0.0) {
+            return None;
+        }
+        let to = from + (to - from) * (start / (start - end)) - self.eye;
+        Some(self.pixel(Vec2::new(to.dot(self.right), to.dot(self.up)), self.near))
     }
 
     /// Clip coordinates of a point given *relative to the eye*: Vulkan's y down, reversed depth (1 near, 0 far).
