@@ -148,8 +148,12 @@ fn refine<T>(scene: &Scene, view: &View, look: impl FnOnce(&mut Refiner, usize) 
     };
     let mesh = Mesh::new(scene, &topology, view, &seeds(&ids));
     let image = IdImage { width: view.width, height: view.height, pixels: &ids };
+    let mut counts = vec![0; scene.geometry.faces.len()];
+    let faces = (0..view.height).flat_map(|y| (0..view.width).map(move |x| (x, y)));
+    faces.filter_map(|(x, y)| image.face(x, y)).for_each(|face| counts[face as usize] += 1);
     let faces_before = mesh.faces.len();
-    let mut refiner = Refiner::new(&context, &predictor, mesh, Shown::Image(image), None);
+    let mut refiner =
+        Refiner::new(&context, &predictor, mesh, Shown { counts: &counts, ids: Some(image) }, None);
     let effort = EffortOptions::default();
     refiner.run(&effort, std::time::Instant::now(), |_| Ok::<_, ()>(())).unwrap();
     refiner.mesh.validate();

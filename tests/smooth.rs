@@ -12,7 +12,7 @@ use vertex_tracing::{
     },
     scene::{
         AlphaMode, Camera, Material, Scene,
-        demo::{Demo, SceneBuilder, matte, shape, stress, texture},
+        demo::{Demo, SceneBuilder, chrome, matte, shape, stress, texture},
     },
     trace::{
         Settings, Tracer,
@@ -115,6 +115,28 @@ fn edges_show_what_is_drawn() {
     println!("{before:.4} became {after:.4}");
     assert_eq!((plain.stats.rays.total, smooth.stats.samples), (0, 0), "no vertex is traced");
     assert!(smooth.stats.rays.pixel > 0 && after < 0.4 * before);
+    gpu.finish();
+}
+
+/// A mirror is drawn whole, whatever its alpha mode: edges of it are not seen through.
+#[test]
+fn edges_of_reconstructed_objects_are_whole() {
+    let gpu = TestGpu::open();
+    let [opaque, blended] = [AlphaMode::Opaque, AlphaMode::Blend].map(|alpha_mode| {
+        let mut builder = SceneBuilder::new("ball");
+        let board = builder.texture(texture::chessboard(64));
+        let floor = builder.material(Material { unlit: true, ..matte("floor").textured(board) });
+        let plane = shape::plane(vec3(-3.0, 0.0, 3.0), Vec3::X * 6.0, Vec3::NEG_Z * 6.0, 4.0);
+        builder.mesh("floor", plane, floor);
+        let base_color = Vec4::new(0.9, 0.9, 0.9, 0.3);
+        let mirror = Material { alpha_mode, base_color, ..chrome("mirror", Vec3::splat(0.9)) };
+        let mirror = builder.material(mirror);
+        builder.mesh("ball", shape::sphere(vec3(0.0, 1.0, 0.0), 1.0, 2), mirror);
+        builder.camera(Camera::look_at(vec3(0.2, 1.6, 5.0), Vec3::Y, 0.6));
+        gpu.render(&builder.build().unwrap(), &options(160, 128, PixelSamples::Sixteen))
+    });
+    assert!(blended.stats.time_ms.smooth > 0.0);
+    assert!(rmse(&opaque.image, &blended.image) < 1e-3, "{}", rmse(&opaque.image, &blended.image));
     gpu.finish();
 }
 

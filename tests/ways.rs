@@ -4,14 +4,15 @@ mod common;
 
 use std::sync::Arc;
 
+use glam::{Vec3, Vec4, vec3};
 use vertex_tracing::{
     frame::{Renderer, Step},
     gpu::{Fault, Gpu},
-    options::{Options, Ss, ViewOptions, VisibilityWay},
+    options::{Options, Shadows, Ss, ViewOptions, VisibilityWay},
     report::metrics::{Encoding, compare},
     scene::{
-        Scene, View,
-        demo::{Demo, stress},
+        AlphaMode, Camera, Material, Scene, View,
+        demo::{Demo, SceneBuilder, chrome, matte, shape, stress, texture},
     },
     visibility::{VisibleFaces, single_pass::CODES},
 };
@@ -110,6 +111,38 @@ fn every_way_renders_the_same_picture() {
             assert_ne!(exact.stats.readback.bytes, other.stats.readback.bytes, "{way} reads something else");
         }
     }
+    gpu.finish();
+}
+
+/// What is drawn neither here nor there, a rasteriser and the view rays that do its work must agree upon.
+#[test]
+fn counts_alone_find_pixels_behind_what_no_id_buffer_shows() {
+    let mut builder = SceneBuilder::new("veiled");
+    let board = builder.texture(texture::chessboard(64));
+    let floor = builder.material(Material { unlit: true, ..matte("floor").textured(board) });
+    builder.mesh("floor", shape::plane(vec3(-3.0, 0.0, 3.0), Vec3::X * 6.0, Vec3::NEG_Z * 6.0, 4.0), floor);
+    let ball = builder.material(chrome("ball", Vec3::splat(0.9)));
+    builder.mesh("ball", shape::sphere(vec3(0.0, 1.0, 0.0), 1.0, 2), ball);
+    // Over its left half a clear pane; over its right half the back of a wall.
+    let clear = Vec4::new(1.0, 1.0, 1.0, 0.2);
+    let pane = Material { alpha_mode: AlphaMode::Blend, base_color: clear, unlit: true, ..matte("pane") };
+    let (pane, wall) = (builder.material(pane), builder.material(matte("wall")));
+    builder.mesh("pane", shape::plane(vec3(-2.0, 0.2, 1.5), Vec3::X * 2.0, Vec3::Y * 2.0, 1.0), pane);
+    builder.mesh("wall", shape::plane(vec3(2.0, 0.2, 1.5), Vec3::X * -2.0, Vec3::Y * 2.0, 1.0), wall);
+    builder.camera(Camera::look_at(vec3(0.2, 1.6, 5.0), Vec3::Y, 0.6));
+    let scene = builder.build().unwrap();
+    let gpu = TestGpu::open();
+    let image = |way| {
+        let mut options = options(way);
+        (options.view.width, options.view.height) = (320, 256);
+        options.scene.shadows = Shadows::None;
+        gpu.render(&scene, &options)
+    };
+    let [exact, counted] = [VisibilityWay::IdBuffer, VisibilityWay::Device].map(image);
+    assert!(exact.stats.rays.pixel > 2000 && counted.stats.rays.pixel > 2000);
+    let psnr = compare(&exact.image, &counted.image, None, Encoding::Srgb).unwrap().psnr.unwrap_or(99.0);
+    println!("{psnr:.1} dB");
+    assert!(psnr > 45.0, "{psnr:.1} dB");
     gpu.finish();
 }
 

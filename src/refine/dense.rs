@@ -1,10 +1,7 @@
 //! Faces so dense that tracing their pixels costs less than tracing their vertices.
 
-use rayon::prelude::*;
-
-use super::mesh::Mesh;
-use super::pixels::{self, Shown};
-use crate::trace::sample::Context;
+use super::mesh::{Face, Mesh};
+use crate::scene::Scene;
 
 /// Visible pixels below which a specular face of the scene is traced pixel by pixel. A closed mesh has half as many
 /// vertices as faces, so that above this its vertices cost at most a fifth of its pixels: even where all
@@ -25,18 +22,13 @@ impl Dense {
         Self { wanted: vec![true; mesh.vertices.len()], pixels: vec![None; mesh.faces.len()] }
     }
 
-    /// Finds the dense faces of the unrefined `mesh`.
-    pub fn find(context: &Context, mesh: &Mesh, shown: Shown) -> Self {
-        let scene = context.tracer.scene();
-        let pixels: Vec<Option<u32>> = (0..mesh.faces.len() as u32)
-            .into_par_iter()
-            .with_min_len(256)
-            .map(|face| {
-                let count = || pixels::count(mesh, context.view, shown, face);
-                let specular = scene.is_vt(mesh.faces[face as usize].base);
-                specular.then(count).flatten().filter(|&pixels| pixels < DENSE_PIXELS)
-            })
-            .collect();
+    /// Finds the dense faces of the unrefined `mesh` of `scene`, whose faces own `counts` pixels.
+    pub fn find(scene: &Scene, mesh: &Mesh, counts: &[u32]) -> Self {
+        let few = |face: &Face| {
+            let pixels = counts[face.base as usize];
+            (pixels < DENSE_PIXELS && scene.is_vt(face.base)).then_some(pixels)
+        };
+        let pixels: Vec<Option<u32>> = mesh.faces.iter().map(few).collect();
         let mut dense = Self { wanted: vec![false; mesh.vertices.len()], pixels };
         dense.want_others(mesh);
         // A face without a pixel has none to take its colour from where sub-samples show it: it is drawn from

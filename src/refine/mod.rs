@@ -174,7 +174,7 @@ impl<'a> Refiner<'a> {
         let faces = 0..refiner.mesh.faces.len() as u32;
         // The paper knows no traced pixels.
         let dense = match predictor.reconstruction {
-            Reconstruction::Exact => Dense::find(context, &refiner.mesh, shown),
+            Reconstruction::Exact => Dense::find(scene, &refiner.mesh, shown.counts),
             Reconstruction::Paper => Dense::none(&refiner.mesh),
         };
         let store = refiner.store.as_deref_mut();

@@ -7,6 +7,7 @@ use super::footprint::{Footprint, ROUNDING};
 use super::mesh::Mesh;
 use super::pixels::Shown;
 use super::store::PixelStore;
+use crate::trace::eye::first_drawn;
 use crate::trace::sample::Context;
 use crate::trace::wave::Points;
 use crate::trace::{Hit, Rays};
@@ -165,7 +166,7 @@ impl Pass<'_> {
         let footprint = Footprint::new(mesh, view, face);
         for y in footprint.rows.clone() {
             for x in footprint.span(y, ROUNDING) {
-                if matches!(shown, Shown::Image(ids) if ids.face(x, y) != Some(base)) {
+                if shown.ids.is_some_and(|ids| ids.face(x, y) != Some(base)) {
                     continue;
                 }
                 let centre = view.ray(Vec2::new(x as f32, y as f32) + 0.5);
@@ -190,11 +191,12 @@ impl Pass<'_> {
 
     /// The point of base face `base` under a view ray, if it shows there.
     fn hit(&self, base: u32, ray: (Vec3, Vec3), primary: &mut Rays) -> Option<Hit> {
-        if matches!(self.shown, Shown::Counts(_)) {
-            primary.primary += 1;
-            return self.context.tracer.closest(ray.0, ray.1).filter(|hit| hit.face == base);
+        if self.shown.ids.is_some() {
+            return point_on(self.context, base, ray);
         }
-        point_on(self.context, base, ray)
+        let (hit, rays) = first_drawn(self.context.tracer, ray);
+        primary.primary += rays;
+        hit.filter(|hit| hit.face == base)
     }
 }
 

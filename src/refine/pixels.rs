@@ -2,24 +2,24 @@
 
 use glam::{Vec2, Vec3};
 
-use super::footprint::Footprint;
 use super::mesh::Mesh;
 use crate::scene::View;
+use crate::trace::eye::first_drawn;
 use crate::trace::sample::Context;
 use crate::visibility::{Class, Found, IdImage};
 
 /// What is known of the pixels that show a face.
 #[derive(Debug, Clone, Copy)]
-pub enum Shown<'a> {
-    /// Which face every pixel shows.
-    Image(IdImage<'a>),
+pub struct Shown<'a> {
     /// How many pixels show each face of the scene.
-    Counts(&'a [u32]),
+    pub counts: &'a [u32],
+    /// Which face every pixel shows, if that was read back.
+    pub ids: Option<IdImage<'a>>,
 }
 
 impl<'a> From<&Found<'a>> for Shown<'a> {
     fn from(found: &Found<'a>) -> Self {
-        found.ids.map_or(Self::Counts(&found.faces.pixels_per_face), Self::Image)
+        Self { counts: &found.faces.pixels_per_face, ids: found.ids }
     }
 }
 
@@ -33,50 +33,26 @@ const FRAME_SIDE: u32 = 16;
 
 /// The face that needs samples and shows at pixel (`x`, `y`), by a primary ray if no image says it.
 pub fn face_at(context: &Context, shown: Shown, classes: &[Class], x: u32, y: u32) -> Option<u32> {
-    match shown {
-        Shown::Image(ids) => ids.face(x, y),
-        Shown::Counts(_) => {
-            let (origin, direction) = context.view.ray(Vec2::new(x as f32 + 0.5, y as f32 + 0.5));
-            let face = context.tracer.closest(origin, direction)?.face;
-            let object = context.tracer.scene().geometry.face_objects[face as usize];
-            (classes[object as usize] != Class::Occluder).then_some(face)
-        }
+    if let Some(ids) = shown.ids {
+        return ids.face(x, y);
     }
-}
-
-/// Most pixels around a face at which it is worth counting those that show it.
-const COUNTED: usize = 1024;
-
-/// Number of pixels that show the unrefined `face`; `None` if it reaches over too many to be counted.
-pub fn count(mesh: &Mesh, view: &View, shown: Shown, face: u32) -> Option<u32> {
-    let base = mesh.faces[face as usize].base;
-    let footprint = Footprint::new(mesh, view, face);
-    if footprint.len() > COUNTED {
-        return None;
-    }
-    let Footprint { columns, rows, .. } = footprint;
-    Some(match shown {
-        Shown::Image(ids) => {
-            let shows = |y: u32| columns.clone().filter(|&x| ids.face(x, y) == Some(base)).count() as u32;
-            rows.map(shows).sum()
-        }
-        Shown::Counts(counts) => counts[base as usize],
-    })
+    let ray = context.view.ray(Vec2::new(x as f32 + 0.5, y as f32 + 0.5));
+    let face = first_drawn(context.tracer, ray).0?.face;
+    let object = context.tracer.scene().geometry.face_objects[face as usize];
+    (classes[object as usize] != Class::Occluder).then_some(face)
 }
 
 /// Estimated number of pixels that show `face`: its projected area times the share of points inside it at
 /// which its base face shows; where counts alone are known, times the share of the base face's area that does. And whether
 /// all these points show it: its halves are then not looked for, and what hides parts of them between the points is not seen.
 pub fn visible(mesh: &Mesh, view: &View, shown: Shown, face: u32) -> (f32, bool) {
-    match shown {
-        Shown::Image(ids) => visible_in_image(mesh, view, ids, face),
-        Shown::Counts(counts) => {
-            let base = mesh.faces[face as usize].base;
-            let whole = mesh.root(base).map_or(0.0, |root| mesh.area(root));
-            let pixels = counts[base as usize] as f32;
-            (if whole > 0.0 { pixels * (mesh.area(face) / whole).min(1.0) } else { pixels }, false)
-        }
+    if let Some(ids) = shown.ids {
+        return visible_in_image(mesh, view, ids, face);
     }
+    let base = mesh.faces[face as usize].base;
+    let whole = mesh.root(base).map_or(0.0, |root| mesh.area(root));
+    let pixels = shown.counts[base as usize] as f32;
+    (if whole > 0.0 { pixels * (mesh.area(face) / whole).min(1.0) } else { pixels }, false)
 }
 
 fn visible_in_image(mesh: &Mesh, view: &View, ids: IdImage, face: u32) -> (f32, bool) {

@@ -9,7 +9,24 @@ use super::{Appearance, Hit, Rays, Settings, Surface, Tracer, shade};
 use crate::scene::{AlphaMode, Material};
 
 /// Surfaces that one view ray passes before the next stops it.
-const MAX_LAYERS: u32 = 64;
+pub(super) const MAX_LAYERS: u32 = 64;
+
+/// The first point along a view ray, origin and unit direction, on a face that an ID buffer shows, and the rays that it took:
+/// backs of one-sided faces are not drawn there, and BLEND faces only if they belong to VT objects.
+pub fn first_drawn(tracer: &Tracer, (mut origin, direction): (Vec3, Vec3)) -> (Option<Hit>, u64) {
+    for layer in 0..=MAX_LAYERS {
+        let Some(hit) = tracer.closest(origin, direction) else { return (None, u64::from(layer) + 1) };
+        let record = tracer.record(hit.face);
+        let material = &tracer.scene().materials[record.material as usize];
+        let is_back = !material.double_sided && record.ng.dot(direction) > 0.0;
+        let is_veil = material.alpha_mode == AlphaMode::Blend && !record.vt;
+        if !is_back && !is_veil {
+            return (Some(hit), u64::from(layer) + 1);
+        }
+        origin = Surface::new(tracer, hit.face, hit.u, hit.v, direction).behind();
+    }
+    (None, u64::from(MAX_LAYERS) + 1)
+}
 
 /// Some view rays, and room for what they take.
 ///
@@ -113,7 +130,9 @@ impl<'t, 's> ViewRays<'t, 's> {
         }
         let material = &self.tracer.scene().materials[record.material as usize];
         let is_back = self.culled && !material.double_sided && record.ng.dot(direction) > 0.0;
-        if !is_back && material.alpha_mode != AlphaMode::Blend {
+        // A rasterised picture shows VT objects as they are reconstructed, whole.
+        let is_whole = material.alpha_mode != AlphaMode::Blend || self.culled && record.vt;
+        if !is_back && is_whole {
             return (1.0, Vec3::ZERO);
         }
         let at = Surface::new(self.tracer, face, u, v, direction);

@@ -7,7 +7,7 @@ use glam::{Vec2, Vec3};
 use rayon::prelude::*;
 
 use super::bvh::{EntryPoints, Packet};
-use super::eye::ViewRays;
+use super::eye::{MAX_LAYERS, ViewRays};
 use super::optics::{self, Branch, BranchKind};
 use super::shaft::Shafts;
 use super::{Appearance, Hit, Rays, Settings, Surface, Tracer, shade, surface};
@@ -19,9 +19,6 @@ const TILE: u32 = 16;
 
 /// Samples that are followed together, but for those of a last pixel.
 const MOST_TOGETHER: usize = 4096;
-
-/// BLEND surfaces that one camera ray passes before the next counts as opaque.
-const MAX_LAYERS: u32 = 64;
 
 /// From this many samples a pixel on, no branch is dropped for its throughput (design §2).
 const EXACT_SPP: u32 = 64;
