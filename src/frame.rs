@@ -158,8 +158,8 @@ impl<'s> Renderer<'s> {
         }
     }
 
-    /// Keeps samples from frame to frame, up to about `most_bytes` bytes: vertices that are seen again from the same
-    /// eye point are not traced again, wherever the camera looks. The pictures are the same, to the last bit.
+    /// Keeps samples from frame to frame, up to about `most_bytes` bytes, and those pixels of the last view that were traced
+    /// one by one: vertices that are seen again from the same eye point are not traced again, wherever the camera looks. The pictures are the same, to the last bit.
     pub fn keep_samples(&mut self, most_bytes: usize) {
         let mut samples = Samples::new(most_bytes);
         samples.trace_with(&self.settings, self.scene);
@@ -198,7 +198,7 @@ impl<'s> Renderer<'s> {
         let kept = self.samples.take();
         self.warming_up = true;
         self.painted.painter.touch_only(true);
-        let touched = self.render(view);
+        let touched = self.draw(view, None);
         self.painted.painter.touch_only(false);
         self.warming_up = false;
         self.samples = kept;
@@ -233,7 +233,8 @@ impl<'s> Renderer<'s> {
         self.reserve.learn(self.finished);
     }
 
-    /// Lets `flag` end a frame between two refinement steps, with [`Error::Interrupted`](crate::error::Error::Interrupted).
+    /// Lets `flag` end a frame between two refinement steps, or while pixels are traced one by one, with
+    /// [`Error::Interrupted`](crate::error::Error::Interrupted).
     pub fn set_interrupt(&mut self, flag: Arc<AtomicBool>) {
         self.interrupt = flag;
     }

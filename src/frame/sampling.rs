@@ -108,8 +108,13 @@ impl Job<'_> {
         let mut refiner = Refiner::new(&context, &predictor, mesh, shown, vertices);
         refiner.reserve = self.reserve;
         let direct_started = Instant::now();
-        let (direct_pixels, direct_rays) =
-            direct.trace(&context, visible.ids, self.most_direct, traced_before.as_deref_mut());
+        let (direct_pixels, direct_rays) = direct.trace(
+            &context,
+            visible.ids,
+            self.most_direct,
+            traced_before.as_deref_mut(),
+            self.interrupt,
+        )?;
         let direct_time = direct_started.elapsed();
         refiner.add_direct(direct_pixels.len() as u64);
         let with = |pixels: Vec<TracedPixel>, refiner: &Refiner| {
@@ -118,6 +123,8 @@ impl Job<'_> {
         };
         // When a step was seen, and how long it took to show.
         let mut seen: Option<(Instant, Duration)> = None;
+        // Of pixels that were traced to be shown, and are known when the finished frame needs them.
+        let mut kept_rays = Rays::default();
         let mut observe = |refiner: &Refiner| {
             if self.interrupt.load(Ordering::Relaxed) {
                 return Err(Error::Interrupted);
@@ -130,8 +137,17 @@ impl Job<'_> {
             }
             let started = Instant::now();
             let Refiner { mesh, pixel_faces, .. } = refiner;
-            let (pixels, rays) =
-                per_pixel::trace(&context, mesh, shown, pixel_faces, traced_before.as_deref_mut());
+            let (pixels, rays) = per_pixel::trace(
+                &context,
+                mesh,
+                shown,
+                pixel_faces,
+                traced_before.as_deref_mut(),
+                self.interrupt,
+            )?;
+            if traced_before.is_some() {
+                kept_rays += rays;
+            }
             after_step(&with(pixels, refiner), refiner, rays + direct_rays)?;
             seen = Some((Instant::now(), started.elapsed()));
             Ok(())
@@ -145,7 +161,9 @@ impl Job<'_> {
 
         let time = Instant::now();
         let Refiner { mesh, pixel_faces, .. } = &refiner;
-        let (traced_pixels, pixel_rays) = per_pixel::trace(&context, mesh, shown, pixel_faces, traced_before);
+        let (traced_pixels, pixel_rays) =
+            per_pixel::trace(&context, mesh, shown, pixel_faces, traced_before, self.interrupt)?;
+        let pixel_rays = pixel_rays + kept_rays;
         let pixels_ms = ms(time);
         let tracing = refiner.samples.time + direct_time;
         stats.time_ms.trace = tracing.as_secs_f64() * 1e3 + pixels_ms;

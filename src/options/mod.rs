@@ -114,7 +114,8 @@ pub struct EffortOptions {
     pub error: f32,
     /// Most vertices to trace, and pixels that are traced by themselves.
     pub max_samples: Option<u64>,
-    /// Longest time for the frame; the one option whose image may differ from run to run.
+    /// Longest time for the frame: with it the image may differ from run to run, as it may where
+    /// [`VisibilityWay::Auto`] finds two ways about equally fast.
     #[serde(rename = "budget_ms", serialize_with = "milliseconds")]
     pub budget: Option<Duration>,
     /// Whether to look for what stands between samples that agree; for [`Reconstruction::Exact`].

@@ -2,16 +2,13 @@
 
 use std::ops::Range;
 
-use glam::Vec3;
-use half::f16;
 use rustc_hash::FxHashMap;
 
 use super::table::Texel;
-use crate::constants::MAX_RADIANCE;
 use crate::refine::direct::DirectPixel;
 use crate::refine::footprint::{Footprint, TOUCHED};
 use crate::refine::mesh::Mesh;
-use crate::refine::per_pixel::TracedPixel;
+use crate::refine::per_pixel::{HalfRadiance, TracedPixel};
 use crate::scene::View;
 
 /// No traced pixel.
@@ -112,7 +109,7 @@ impl<'a> Blocks<'a> {
     fn shown(&self, leaf: &Leaf<'a>, x: u32, y: u32) -> Option<&TracedPixel> {
         let is_usable = |pixel: &&TracedPixel| leaf.own.is_empty() || pixel.face == leaf.face;
         if let Some(pixel) = self.at(x, y)
-            && (pixel.base == leaf.base || is_usable(&pixel))
+            && (self.mesh.faces[pixel.face as usize].base == leaf.base || is_usable(&pixel))
         {
             return Some(pixel);
         }
@@ -156,17 +153,7 @@ pub fn around(view: &View, pixels: impl Iterator<Item = u32>) -> Option<[Range<u
 }
 
 /// Writes a cell of a block.
-fn put(texels: &mut [Texel], cell: usize, radiance: Vec3) {
-    let [low, high] = halves(radiance);
+fn put(texels: &mut [Texel], cell: usize, HalfRadiance([low, high]): HalfRadiance) {
     let texel = &mut texels[cell / 2];
     (texel[cell % 2 * 2], texel[cell % 2 * 2 + 1]) = (low, high);
-}
-
-/// A radiance that a half can hold, in two words; the fourth half says that there is one.
-fn halves(radiance: Vec3) -> [u32; 2] {
-    let [r, g, b] = radiance.clamp(Vec3::splat(-MAX_RADIANCE), Vec3::splat(MAX_RADIANCE)).to_array();
-    let pair = |low: f32, high: f32| {
-        u32::from(f16::from_f32(low).to_bits()) | u32::from(f16::from_f32(high).to_bits()) << 16
-    };
-    [pair(r, g), pair(b, 1.0)]
 }

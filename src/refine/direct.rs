@@ -2,12 +2,14 @@
 //! of the faces alone, and drawn as one picture.
 
 use std::borrow::Cow;
+use std::sync::atomic::{AtomicBool, Ordering};
 
-use glam::{Vec2, Vec3};
+use glam::Vec2;
 use rayon::prelude::*;
 
-use super::per_pixel;
+use super::per_pixel::{self, HalfRadiance};
 use super::store::PixelStore;
+use crate::error::{Error, Result};
 use crate::scene::{Scene, View};
 use crate::trace::Rays;
 use crate::trace::sample::Context;
@@ -38,7 +40,7 @@ pub struct DirectPixel {
     /// The scene's face that it shows.
     pub base: u32,
     /// Linear radiance.
-    pub radiance: Vec3,
+    pub radiance: HalfRadiance,
 }
 
 /// The visible faces that are traced directly.
@@ -113,14 +115,18 @@ impl Direct {
 
     /// Traces their pixels in `ids`, row by row; where they are more than `most`, those of some rows alone, about as many.
     /// Pixels that `store` knows are not traced, and it learns the others.
+    ///
+    /// # Errors
+    /// [`Error::Interrupted`] once `interrupt` is set.
     pub fn trace(
         &self,
         context: &Context,
         ids: Option<IdImage>,
         most: u64,
         mut store: Option<&mut PixelStore>,
-    ) -> (Vec<DirectPixel>, Rays) {
-        let Some(ids) = ids.filter(|_| !self.is_empty()) else { return Default::default() };
+        interrupt: &AtomicBool,
+    ) -> Result<(Vec<DirectPixel>, Rays)> {
+        let Some(ids) = ids.filter(|_| !self.is_empty()) else { return Ok(Default::default()) };
         if let Some(store) = &mut store {
             store.look_at(context.view);
         }
@@ -131,6 +137,9 @@ impl Direct {
         let mut all = Vec::with_capacity((self.pixels / stride as u64) as usize);
         // A batch after the other, so that not all pixels are there twice.
         for rows in rows.chunks(TILE * BATCH) {
+            if interrupt.load(Ordering::Relaxed) {
+                return Err(Error::Interrupted);
+            }
             let bands = rows.par_chunks(TILE).map(|rows| self.trace_band(context, ids, rows, known));
             for (pixels, rays) in bands.collect::<Vec<_>>() {
                 total += rays;
@@ -142,7 +151,7 @@ impl Direct {
                 store.insert(index, base, radiance);
             }
         }
-        (all, total)
+        Ok((all, total))
     }
 
     /// One sample of each pixel in neighbouring `rows`.
@@ -169,10 +178,10 @@ impl Direct {
                         points.add(ray.1, hit);
                     }
                 }
-                pixels.push(DirectPixel { index, base, radiance: kept.unwrap_or(Vec3::ZERO) });
+                pixels.push(DirectPixel { index, base, radiance: kept.unwrap_or_default() });
             }
             for (pixel, radiance) in pending.drain(..).zip(points.radiances()) {
-                pixels[pixel].radiance = radiance;
+                pixels[pixel].radiance = radiance.into();
             }
         }
         (pixels, points.rays())

@@ -2,7 +2,7 @@
 //!
 //! A queue of faces, largest predicted squared error × visible pixels first. Faces are popped in batches,
 //! bisected, and the new vertices traced in parallel; the result does not depend on the number of threads.
-//! Faces that are still undefined at a few pixels leave the queue: their pixels are traced one by one.
+//! Faces that are still undefined when they are small leave the queue: their pixels are traced one by one.
 
 pub mod dense;
 pub mod direct;
@@ -48,7 +48,7 @@ pub const RECEIVER_STOP_SIZE: f32 = 8.0;
 pub const SPARING_STOP_SIZE: f32 = 4.0;
 
 /// Samples for each pixel of the refined faces below which they are few.
-const FEW: f32 = 0.5;
+const FEW: f64 = 0.5;
 
 /// The same for the paper's reconstruction, which traces no pixels and has nothing but samples: about a pixel.
 pub const PAPER_STOP_SIZE: f32 = 1.5;
@@ -101,14 +101,15 @@ pub struct Refiner<'a> {
     /// Samples of earlier frames, and of this one for later frames.
     store: Option<&'a mut SampleStore>,
     state: Vec<State>,
-    /// By face: predicted squares of displacement and colour times its pixels, nothing unless it is a leaf. Apart, for all
-    /// are added up after every step.
+    /// By face: predicted squares of displacement and colour times its pixels, while it is refined nothing unless it is a
+    /// leaf. Apart, for all are added up after every step.
     predicted: Vec<[f32; 2]>,
     queue: BinaryHeap<Entry>,
     /// By material: whether it has a normal map that pixels can be traced for.
     mapped: Vec<bool>,
-    pixel_budget_used: f32,
-    total_pixels: f32,
+    /// In double precision: there may be more pixels than single precision counts.
+    pixel_budget_used: f64,
+    total_pixels: f64,
     /// Root mean squares at which refinement ends, displacement in pixels and linear radiance; `None` against a budget.
     target: Option<[f32; 2]>,
     /// Longest edge of a face whose pixels are traced, unless a normal map bends what it shows.
@@ -188,7 +189,7 @@ impl<'a> Refiner<'a> {
         let others: Vec<(u32, Inherited)> =
             others.into_iter().map(|face| (face, Inherited::default())).collect();
         refiner.judge(&others);
-        refiner.total_pixels = refiner.state.iter().map(|state| state.pixels).sum();
+        refiner.total_pixels = refiner.state.iter().map(|state| f64::from(state.pixels)).sum();
         refiner
     }
 
@@ -209,8 +210,8 @@ impl<'a> Refiner<'a> {
 
     /// Lets `pixels` that are traced [beside the mesh](direct) count as refined, and against a budget.
     pub fn add_direct(&mut self, pixels: u64) {
-        self.pixel_budget_used += pixels as f32;
-        self.total_pixels += pixels as f32;
+        self.pixel_budget_used += pixels as f64;
+        self.total_pixels += pixels as f64;
     }
 
     /// Samples that count against a budget: vertices, and pixels traced one by one.
@@ -231,7 +232,7 @@ impl<'a> Refiner<'a> {
 
     /// Root mean squares over the visible pixels.
     fn mean(&self, sums: [f64; 2]) -> [f32; 2] {
-        let pixels = f64::from(self.total_pixels);
+        let pixels = self.total_pixels;
         sums.map(|sum| if pixels > 0.0 { (sum.max(0.0) / pixels).sqrt() as f32 } else { 0.0 })
     }
 
@@ -255,7 +256,7 @@ impl<'a> Refiner<'a> {
         if effort.preview {
             return Ok(StoppedBy::Preview);
         }
-        if effort.max_samples.is_some_and(|limit| (limit as f32) < FEW * self.total_pixels) {
+        if effort.max_samples.is_some_and(|limit| (limit as f64) < FEW * self.total_pixels) {
             self.stop_size = SPARING_STOP_SIZE;
         }
         if effort.max_samples.is_none() && effort.budget.is_none() {
@@ -273,12 +274,14 @@ impl<'a> Refiner<'a> {
             }) {
                 return Ok(StoppedBy::Budget);
             }
-            if self.is_enough(self.predicted_sums()) {
+            // Nobody asks for them against a budget.
+            let sums = if self.target.is_some() { self.predicted_sums() } else { [0.0; 2] };
+            if self.is_enough(sums) {
                 return Ok(StoppedBy::Error);
             }
             let room = effort.max_samples.map_or(u64::MAX, |limit| limit - self.cost());
             let (step_started, cost) = (Instant::now(), self.cost());
-            if !self.step(room) {
+            if !self.step(room, sums) {
                 return Ok(StoppedBy::Exhausted);
             }
             last_step = (step_started.elapsed(), self.cost() - cost);
@@ -296,14 +299,13 @@ impl<'a> Refiner<'a> {
     }
 
     /// Bisects the most promising faces and traces their new vertices, at most about `room` of them, and no more once
-    /// pixels that are traced meet the target. False if nothing is left to refine.
-    fn step(&mut self, room: u64) -> bool {
+    /// pixels that are traced meet the target; predicted squares are `sums` before. False if nothing is left to refine.
+    fn step(&mut self, room: u64, mut sums: [f64; 2]) -> bool {
         let leaves = self.mesh.faces.len() / 2 + 1;
         let batch = (leaves / BATCH_SHARE).clamp(BATCH_MIN, BATCH_MAX);
         let (vertices_before, pixels_before) = (self.mesh.vertices.len(), self.pixel_budget_used);
         let mut splits: Vec<Split> = Vec::new();
         let mut popped = 0;
-        let mut sums = self.predicted_sums();
         let mut left_queue = false;
         while popped < batch {
             let made = self.mesh.vertices.len() - vertices_before;
@@ -381,7 +383,7 @@ impl<'a> Refiner<'a> {
 
     fn trace_pixels_of(&mut self, face: u32) {
         let state = &mut self.state[face as usize];
-        self.pixel_budget_used += state.pixels;
+        self.pixel_budget_used += f64::from(state.pixels);
         *state = state.traced();
         self.predicted[face as usize] = [0.0; 2];
         self.pixel_faces.push(face);

@@ -1,12 +1,17 @@
 //! Tracing the pixels that interpolation cannot serve, one by one.
 
+use std::sync::atomic::{AtomicBool, Ordering};
+
 use glam::{Vec2, Vec3};
+use half::f16;
 use rayon::prelude::*;
 
 use super::footprint::{Footprint, ROUNDING};
 use super::mesh::Mesh;
 use super::pixels::Shown;
 use super::store::PixelStore;
+use crate::constants::MAX_RADIANCE;
+use crate::error::{Error, Result};
 use crate::trace::eye::first_drawn;
 use crate::trace::sample::Context;
 use crate::trace::wave::Points;
@@ -31,22 +36,39 @@ pub struct TracedPixel {
     pub index: u32,
     /// The leaf that covers its centre.
     pub face: u32,
-    /// The scene's face that the leaf is part of.
-    pub base: u32,
     /// Linear radiance.
-    pub radiance: Vec3,
+    pub radiance: HalfRadiance,
+}
+
+/// Linear radiance as the device reads it: three halves of at most [`MAX_RADIANCE`], and a fourth that is 1, two in a word.
+/// Millions are held at a time.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
+pub struct HalfRadiance(pub [u32; 2]);
+
+impl From<Vec3> for HalfRadiance {
+    fn from(radiance: Vec3) -> Self {
+        let [r, g, b] = radiance.clamp(Vec3::splat(-MAX_RADIANCE), Vec3::splat(MAX_RADIANCE)).to_array();
+        let pair = |low: f32, high: f32| {
+            u32::from(f16::from_f32(low).to_bits()) | u32::from(f16::from_f32(high).to_bits()) << 16
+        };
+        Self([pair(r, g), pair(b, 1.0)])
+    }
 }
 
 /// Traces the pixels whose centres lie in the leaves `faces`, from the point of the base face that shows
 /// there. An image of the faces says where it does; without one, a primary ray a pixel. Pixels that `store` knows are
 /// not traced, and it learns the others. Pixels of one face come together, row by row.
+///
+/// # Errors
+/// [`Error::Interrupted`] once `interrupt` is set.
 pub fn trace(
     context: &Context,
     mesh: &Mesh,
     shown: Shown,
     faces: &[u32],
     mut store: Option<&mut PixelStore>,
-) -> (Vec<TracedPixel>, Rays) {
+    interrupt: &AtomicBool,
+) -> Result<(Vec<TracedPixel>, Rays)> {
     if let Some(store) = &mut store {
         store.look_at(context.view);
     }
@@ -61,6 +83,9 @@ pub fn trace(
     let mut total = Rays::default();
     // A batch after the other, so that not all pixels are there twice.
     for batch in faces.chunks(CHUNK * BATCH) {
+        if interrupt.load(Ordering::Relaxed) {
+            return Err(Error::Interrupted);
+        }
         let chunks = batch.par_chunks(CHUNK).map(|faces| {
             let mut chunk = Chunk::default();
             faces.iter().for_each(|&face| pass.find(face, &mut chunk));
@@ -73,19 +98,19 @@ pub fn trace(
             all.extend(chunk.pixels);
             total += chunk.primary;
         }
-        total += trace_points(context, &unknown, &mut all);
+        total += trace_points(context, mesh, &unknown, &mut all);
     }
     all.shrink_to_fit();
     if let Some(store) = store {
         for pixel in &all {
-            store.insert(pixel.index, pixel.base, pixel.radiance);
+            store.insert(pixel.index, mesh.faces[pixel.face as usize].base, pixel.radiance);
         }
     }
-    (all, total)
+    Ok((all, total))
 }
 
 /// Traces `points` of `pixels`, those of a tile together.
-fn trace_points(context: &Context, points: &[Point], pixels: &mut [TracedPixel]) -> Rays {
+fn trace_points(context: &Context, mesh: &Mesh, points: &[Point], pixels: &mut [TracedPixel]) -> Rays {
     let &Context { tracer, settings, view, .. } = context;
     let across = view.width.div_ceil(TILE);
     let place = |pixel: &TracedPixel| (pixel.index % view.width, pixel.index / view.width);
@@ -112,9 +137,10 @@ fn trace_points(context: &Context, points: &[Point], pixels: &mut [TracedPixel])
                 let pixel = &pixels[pixel as usize];
                 let (x, y) = place(pixel);
                 let (_, direction) = view.ray(Vec2::new(x as f32, y as f32) + 0.5);
-                wave.add(direction, Hit { face: pixel.base, t: 0.0, u, v });
+                let face = mesh.faces[pixel.face as usize].base;
+                wave.add(direction, Hit { face, t: 0.0, u, v });
             }
-            (wave.radiances().collect::<Vec<_>>(), wave.rays() - before)
+            (wave.radiances().map(HalfRadiance::from).collect::<Vec<_>>(), wave.rays() - before)
         },
     );
     let traced: Vec<_> = tiles.collect();
@@ -183,8 +209,7 @@ impl Pass<'_> {
                     let Some(Hit { u, v, .. }) = self.hit(base, centre, &mut chunk.primary) else { continue };
                     chunk.unknown.push(Point { pixel: chunk.pixels.len() as u32, u, v });
                 }
-                let radiance = kept.unwrap_or(Vec3::ZERO);
-                chunk.pixels.push(TracedPixel { index, face, base, radiance });
+                chunk.pixels.push(TracedPixel { index, face, radiance: kept.unwrap_or_default() });
             }
         }
     }

@@ -117,9 +117,10 @@ impl Samples {
             self.rays += *rays;
         }
         if let Some(store) = store {
-            let new = sampled.iter().flat_map(|chunk| &chunk.keys).zip(from as u32..);
-            for (key, vertex) in new.filter_map(|(key, vertex)| Some(((*key)?, vertex))) {
-                store.insert(key, self.get(vertex));
+            for (chunk, first) in sampled.iter().zip((from as u32..).step_by(CHUNK)) {
+                for &(key, index) in &chunk.keys {
+                    store.insert(key, self.get(first + index));
+                }
             }
         }
         self.time += started.elapsed();
@@ -133,8 +134,8 @@ struct Chunk {
     primary: Vec<Primary>,
     /// Where the nodes of each vertex end.
     ends: Vec<u32>,
-    /// By what a store would know each, if it was traced and there is a store.
-    keys: Vec<Option<Key>>,
+    /// If there is a store: by what it would know each that was traced, and which of them it is.
+    keys: Vec<(Key, u32)>,
     rays: Rays,
     skipped: u64,
     reused: u64,
@@ -158,18 +159,20 @@ impl Chunk {
                 sample::trace_surface(context, &surface, direction, from_eye, nodes, rays)
             }
         };
-        self.push(primary, key.filter(|_| kept.is_none()).map(|(_, key)| key));
+        if let (Some((_, key)), None) = (key, kept) {
+            self.keys.push((key, self.primary.len() as u32));
+        }
+        self.push(primary);
     }
 
     fn pass_over(&mut self) {
         self.skipped += 1;
-        self.push(Primary::default(), None);
+        self.push(Primary::default());
     }
 
-    fn push(&mut self, primary: Primary, key: Option<Key>) {
+    fn push(&mut self, primary: Primary) {
         self.primary.push(primary);
         self.ends.push(self.nodes.len() as u32);
-        self.keys.push(key);
     }
 }
 

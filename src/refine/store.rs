@@ -6,6 +6,7 @@ use std::ops::Range;
 use glam::Vec3;
 use rustc_hash::FxHashMap;
 
+use super::per_pixel::HalfRadiance;
 use super::samples::Sample;
 use crate::scene::View;
 use crate::trace::Surface;
@@ -40,11 +41,11 @@ pub struct SampleStore {
     most_bytes: usize,
 }
 
-/// Pixels of one view that were traced one by one, with the face that each shows.
+/// Pixels of one view that were traced one by one, with the face that each shows: at most those of one image.
 #[derive(Debug, Clone, Default)]
 pub struct PixelStore {
     view: Option<View>,
-    radiance: FxHashMap<u32, (u32, Vec3)>,
+    radiance: FxHashMap<u32, (u32, HalfRadiance)>,
 }
 
 impl PixelStore {
@@ -61,12 +62,12 @@ impl PixelStore {
     }
 
     /// Radiance of pixel `index`, where it is known and shows `face` of the scene.
-    pub fn get(&self, index: u32, face: u32) -> Option<Vec3> {
+    pub fn get(&self, index: u32, face: u32) -> Option<HalfRadiance> {
         self.radiance.get(&index).filter(|(shown, _)| *shown == face).map(|(_, radiance)| *radiance)
     }
 
     /// Keeps the radiance of pixel `index`, which shows `face` of the scene.
-    pub fn insert(&mut self, index: u32, face: u32, radiance: Vec3) {
+    pub fn insert(&mut self, index: u32, face: u32, radiance: HalfRadiance) {
         self.radiance.insert(index, (face, radiance));
     }
 }
@@ -127,10 +128,12 @@ impl SampleStore {
         if bytes > self.most_bytes {
             return;
         }
-        let start = self.nodes.len() as u32;
-        self.nodes.extend_from_slice(sample.nodes);
-        let nodes = start..self.nodes.len() as u32;
-        self.samples.insert(key, Kept { primary: *sample.primary, nodes });
+        // Vertices of one key are traced side by side, before either is known.
+        self.samples.entry(key).or_insert_with(|| {
+            let start = self.nodes.len() as u32;
+            self.nodes.extend_from_slice(sample.nodes);
+            Kept { primary: *sample.primary, nodes: start..self.nodes.len() as u32 }
+        });
     }
 
     /// Number of samples.

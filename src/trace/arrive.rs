@@ -51,7 +51,7 @@ impl Ray {
 }
 
 /// Rays below which shading side by side would mostly shade nothing.
-pub(super) const FEWEST_TOGETHER: usize = 3;
+pub(super) const FEWEST_POINTS: usize = 3;
 
 /// Rays that arrive, and where what comes of them goes.
 pub(super) struct Arrive<'a> {

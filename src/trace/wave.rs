@@ -3,7 +3,7 @@
 
 use glam::Vec3;
 
-use super::arrive::{Arrival, Arrive, FEWEST_TOGETHER, Ray};
+use super::arrive::{Arrival, Arrive, FEWEST_POINTS, Ray};
 use super::bvh::{EntryPoints, Packet};
 use super::finish::{Finish, finish_of};
 use super::optics::{self, Branch, BranchKind};
@@ -151,7 +151,7 @@ impl<'t, 's> Points<'t, 's> {
         let shadows = settings.shadows.apply(finish.vt, bounces);
         let goes_on = finish.vt && bounces < settings.depth;
         if finish.plain
-            && which.len() >= FEWEST_TOGETHER
+            && which.len() >= FEWEST_POINTS
             && let Some(processor) = tracer.processor()
         {
             return processor.run(Arrive {

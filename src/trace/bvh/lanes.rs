@@ -7,7 +7,7 @@ use glam::Vec3;
 
 use super::Hit;
 use super::packet::{Packet, PacketProbe};
-use super::quad::{LANES, Quad};
+use super::quad::{AXES, LANES, Quad, axes};
 use super::wide::{Bounds, Bvh4, Child, Node, SMALLEST_COMPONENT};
 use crate::trace::real::{Choice, Real, Triple};
 use crate::trace::vector::{Isa, Mask, Numbers, Processor, WIDTH, Work, get, put};
@@ -113,23 +113,6 @@ struct Lanes<S: Isa> {
     face: S::u32s,
     u: Numbers<S>,
     v: Numbers<S>,
-}
-
-/// Which coordinate axes become the first, second and third of a ray's sheared space, where the direction is longest in the
-/// last of them.
-const AXES: [[usize; 3]; 3] = [[0, 1, 2], [2, 0, 1], [1, 2, 0]];
-
-/// Those of a ray of this direction.
-#[inline(always)]
-pub(super) fn axes(direction: Vec3) -> [usize; 3] {
-    let size = direction.abs();
-    if size.z >= size.x && size.z >= size.y {
-        AXES[0]
-    } else if size.y >= size.x {
-        AXES[1]
-    } else {
-        AXES[2]
-    }
 }
 
 impl<S: Isa> Lanes<S> {

@@ -26,8 +26,8 @@ pub(super) use packet::{EntryPoints, Packet};
 use quad::{Crossing, Probe};
 use wide::{BoxProbe, Bvh4, Node};
 
-/// Rays end this fraction of the distance short of a light, so that a light on a surface is seen.
-const SHADOW_END: f32 = 1e-4;
+/// Rays go this part of the distance to a light, so that a light on a surface is seen.
+const SHADOW_PART: f32 = 1.0 - 1e-4;
 
 /// How the BVH is built over `faces` faces: a face a leaf, since its collapse makes wider ones.
 ///
@@ -224,7 +224,7 @@ impl<'s> Tracer<'s> {
     ) {
         let mut groups = [Group::EMPTY; 3];
         for (index, &(_, direction)) in rays.iter().enumerate() {
-            let group = &mut groups[lanes::axes(direction)[2]];
+            let group = &mut groups[quad::axes(direction)[2]];
             group.rays[group.count] = index as u32;
             group.count += 1;
             if group.count == lanes::RAYS {
@@ -272,7 +272,7 @@ impl<'s> Tracer<'s> {
             return 0;
         }
         if !self.masked && lanes.count_ones() as usize >= FEWEST_TOGETHER {
-            let end = distance * distance.all(1.0 - SHADOW_END);
+            let end = distance * distance.all(SHADOW_PART);
             return lanes::occluded(&self.bvh, entries.nodes(), origin, direction, end, lanes);
         }
         let (origins, directions, distances) = (origin.store(), direction.store(), distance.store());
@@ -356,7 +356,7 @@ impl<'s> Tracer<'s> {
         distance: f32,
     ) -> bool {
         let probe = Probe::new(origin, direction);
-        let end = distance * (1.0 - SHADOW_END);
+        let end = distance * SHADOW_PART;
         self.bvh.traverse(entries, &BoxProbe::new(origin, direction), end, |quad, end| {
             let crossing = quad.intersect(&probe, end);
             let stops = |crossing: Crossing| {

@@ -22,13 +22,11 @@ impl Probe {
     /// The ray from `origin` along the unit vector `direction`.
     #[inline(always)]
     pub fn new(origin: Vec3, direction: Vec3) -> Self {
-        let size = direction.abs();
-        let (axes, origin, direction) = if size.z >= size.x && size.z >= size.y {
-            ([0, 1, 2], origin, direction)
-        } else if size.y >= size.x {
-            ([2, 0, 1], origin.zxy(), direction.zxy())
-        } else {
-            ([1, 2, 0], origin.yzx(), direction.yzx())
+        let axes = axes(direction);
+        let (origin, direction) = match axes[2] {
+            2 => (origin, direction),
+            1 => (origin.zxy(), direction.zxy()),
+            _ => (origin.yzx(), direction.yzx()),
         };
         let inverse = direction.z.recip();
         Self {
@@ -37,6 +35,23 @@ impl Probe {
             shear: [Vec4::splat(direction.x * inverse), Vec4::splat(direction.y * inverse)],
             scale: Vec4::splat(inverse),
         }
+    }
+}
+
+/// Which coordinate axes become the first, second and third of a ray's sheared space, where the direction is longest in the
+/// last of them.
+pub(super) const AXES: [[usize; 3]; 3] = [[0, 1, 2], [2, 0, 1], [1, 2, 0]];
+
+/// Those of a ray of this direction.
+#[inline(always)]
+pub(super) fn axes(direction: Vec3) -> [usize; 3] {
+    let size = direction.abs();
+    if size.z >= size.x && size.z >= size.y {
+        AXES[0]
+    } else if size.y >= size.x {
+        AXES[1]
+    } else {
+        AXES[2]
     }
 }
 
