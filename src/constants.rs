@@ -45,8 +45,8 @@ shared_constants! {
     /// Largest magnitude that an RGBA16F target holds without overflow to infinity.
     MAX_RADIANCE: f32 = 65504.0;
 
-    /// Array textures that a scene's textures are packed into; with the environment's, fewer than the 16
-    /// samplers that every Vulkan device has.
+    /// Array textures that a scene's textures are packed into; with the environment's and a draw's own three, as many as
+    /// the 16 samplers that every Vulkan device has.
     MAX_BANK_ARRAYS: u32 = 12;
     /// A texture reference that means white.
     NO_TEXTURE: u32 = 0xffff_ffff;

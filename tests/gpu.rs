@@ -196,29 +196,22 @@ fn samples_are_resolved_to_their_mean() {
     let depth = Image::new(&gpu, &target("depth", Format::Depth32fStencil8).with_samples(4)).unwrap();
     let resolved = Image::new(&gpu, &target("resolved", Format::Rgba16f)).unwrap();
     let colors = [(Format::Rgba16f, Blend::Replace)];
-    for sample_shading in [false, true] {
-        let pipeline = triangles.pipeline(
-            &gpu,
-            GraphicsDesc {
-                depth_format: Some(Format::Depth32fStencil8),
-                samples: 4,
-                sample_shading,
-                ..desc("samples", &colors)
-            },
-        );
-        let mut commands = Commands::new(&gpu, "draw", 0).unwrap();
-        let mut recording = commands.begin().unwrap();
-        let colors = [ColorTarget { image: &many, clear: Some([0.0; 4]), resolve: Some(&resolved) }];
-        let depth = Some(DepthTarget { image: &depth, clear: true });
-        recording.render(&Targets { colors: &colors, depth }, |draws| {
-            draws.pipeline(&pipeline).set(0, &triangles.set).push(&identity()).draw(0..3);
-        });
-        recording.submit_and_wait().unwrap();
-        let alphas: Vec<f32> =
-            read::<[f16; 4]>(&gpu, &resolved)[..SIZE as usize].iter().map(|p| p[3].to_f32()).collect();
-        assert_eq!(alphas[7..10], [1.0, 0.5, 0.0]);
-    }
-    drop((triangles, many, depth, resolved));
+    let pipeline = triangles.pipeline(
+        &gpu,
+        GraphicsDesc { depth_format: Some(Format::Depth32fStencil8), samples: 4, ..desc("samples", &colors) },
+    );
+    let mut commands = Commands::new(&gpu, "draw", 0).unwrap();
+    let mut recording = commands.begin().unwrap();
+    let colors = [ColorTarget { image: &many, clear: Some([0.0; 4]), resolve: Some(&resolved) }];
+    let cleared = Some(DepthTarget { image: &depth, clear: true });
+    recording.render(&Targets { colors: &colors, depth: cleared }, |draws| {
+        draws.pipeline(&pipeline).set(0, &triangles.set).push(&identity()).draw(0..3);
+    });
+    recording.submit_and_wait().unwrap();
+    let alphas: Vec<f32> =
+        read::<[f16; 4]>(&gpu, &resolved)[..SIZE as usize].iter().map(|p| p[3].to_f32()).collect();
+    assert_eq!(alphas[7..10], [1.0, 0.5, 0.0]);
+    drop((triangles, pipeline, commands, many, depth, resolved));
     gpu.finish();
 }
 

@@ -15,7 +15,6 @@ use vertex_tracing::{
     gpu::census::Kind,
     options::{Mode, Msaa, Options, Ss},
     plan::{Plan, Summary},
-    reconstruct::passes::list_bytes,
     report::metrics::{Encoding, compare},
     scene::{
         Camera, Material, Sampler, Scene, Unread,
@@ -330,7 +329,7 @@ fn vertex_words(scene: &Scene, options: &Options) -> u32 {
     let planned = take_scene(&gpu, scene, options, 1).unwrap();
     gpu.finish();
     let bytes = planned.census.named(Kind::Buffer, "base vertices").bytes;
-    assert_eq!(bytes, list_bytes(scene.geometry.positions.len() as u64 * layout.bytes()));
+    assert_eq!(bytes, scene.geometry.positions.len() as u64 * layout.bytes());
     layout.words
 }
 

@@ -18,7 +18,7 @@ use gpu_allocator::{MemoryLocation, vulkan::Allocation};
 use super::{
     Access, Gpu, ReadbackChoice, ReadbackMemory, census::Kind, device::out_of_memory, memory::atom_range,
 };
-use crate::error::Result;
+use crate::error::{Error, Result};
 
 /// A buffer that only the device reaches. Clones share it.
 #[derive(Clone, Debug)]
@@ -42,18 +42,15 @@ pub struct ReadbackBuffer {
 }
 
 impl DeviceBuffer {
-    /// A buffer of `size` bytes, usable as vertex, index, uniform, storage and indirect buffer.
+    /// A buffer of `size` bytes, usable as uniform, storage and texel buffer.
     ///
     /// # Errors
     /// No memory left.
     pub fn new(gpu: &Arc<Gpu>, name: &str, size: u64) -> Result<Self> {
         // All usages at once: drivers place a buffer by its memory type, not by its usage.
-        let usage = vk::BufferUsageFlags::VERTEX_BUFFER
-            | vk::BufferUsageFlags::INDEX_BUFFER
-            | vk::BufferUsageFlags::UNIFORM_BUFFER
+        let usage = vk::BufferUsageFlags::UNIFORM_BUFFER
             | vk::BufferUsageFlags::STORAGE_BUFFER
             | vk::BufferUsageFlags::UNIFORM_TEXEL_BUFFER
-            | vk::BufferUsageFlags::INDIRECT_BUFFER
             | vk::BufferUsageFlags::TRANSFER_SRC
             | vk::BufferUsageFlags::TRANSFER_DST;
         let mut raw = RawBuffer::new(gpu, name, size, usage)?;
@@ -191,6 +188,10 @@ impl RawBuffer {
     fn new(gpu: &Arc<Gpu>, name: &str, size: u64, usage: vk::BufferUsageFlags) -> Result<Self> {
         // Empty scenes have empty arrays; Vulkan has no empty buffers.
         let size = size.next_multiple_of(4).max(16);
+        if size > gpu.max_buffer_size {
+            let problem = format!("{size} bytes; the device's largest buffers have {}", gpu.max_buffer_size);
+            return Err(Error::DeviceMemory { object: format!("buffer {name}"), problem });
+        }
         let info = vk::BufferCreateInfo::default().size(size).usage(usage);
         // SAFETY: a live device; `info` is complete.
         let handle = gpu

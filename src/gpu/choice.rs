@@ -5,11 +5,18 @@ use std::ffi::CStr;
 use ash::vk;
 
 use super::instance::{INSTALL_DRIVER, Instance};
+use crate::constants::MAX_BANK_ARRAYS;
 use crate::error::{Error, Result};
 
 /// Components that the vertices of a leaf hand on to its fragments: locations 0 to 22 of glsl/leaf.vert. Vulkan
 /// promises 64; graphics cards have 116 and more.
-const FRAGMENT_INPUTS: u32 = 23 * 4;
+const VARYINGS: u32 = 23 * 4;
+
+/// Samplers of a fragment shader: the bank's, the environment's, and those of a draw's own three arrays. Vulkan promises 16.
+const SAMPLERS: u32 = MAX_BANK_ARRAYS + 4;
+
+/// Texel buffers of a fragment shader, which count as sampled images: the tables of the scene and of nodes.
+const TEXEL_BUFFERS: u32 = 2;
 
 /// A Vulkan device of this machine.
 #[derive(Debug, Clone)]
@@ -59,6 +66,7 @@ pub(super) struct Candidate {
     pub(super) timestamp_bits: u32,
     pub(super) properties: vk::PhysicalDeviceProperties,
     pub(super) features: vk::PhysicalDeviceFeatures,
+    pub(super) max_buffer_size: u64,
 }
 
 /// Whether a queue family of a device can show images where they are to be shown.
@@ -127,11 +135,15 @@ fn inspect(
     // SAFETY: `handle` was enumerated from this instance; a 1.0 query.
     let properties = unsafe { instance.handle.get_physical_device_properties(handle) };
     let mut driver = String::new();
+    let mut max_buffer_size = 0;
     let mut features = vk::PhysicalDeviceFeatures::default();
     let mut usable = Err(format!("speaks Vulkan {}, not 1.3", version(properties.api_version)));
     if properties.api_version >= vk::API_VERSION_1_3 {
         let mut driver_properties = vk::PhysicalDeviceDriverProperties::default();
-        let mut properties2 = vk::PhysicalDeviceProperties2::default().push_next(&mut driver_properties);
+        let mut properties13 = vk::PhysicalDeviceVulkan13Properties::default();
+        let mut properties2 = vk::PhysicalDeviceProperties2::default()
+            .push_next(&mut driver_properties)
+            .push_next(&mut properties13);
         let mut features12 = vk::PhysicalDeviceVulkan12Features::default();
         let mut features13 = vk::PhysicalDeviceVulkan13Features::default();
         let mut features2 =
@@ -150,10 +162,9 @@ fn inspect(
             text(driver_properties.driver_name_as_c_str()),
             text(driver_properties.driver_info_as_c_str())
         );
-        let mut missing = missing(&features, &features12, &features13);
-        if properties.limits.max_fragment_input_components < FRAGMENT_INPUTS {
-            missing.push("enough fragment shader inputs (maxFragmentInputComponents)");
-        }
+        max_buffer_size = properties13.max_buffer_size;
+        let mut missing = missing(&features12, &features13);
+        missing.extend(short_of(&properties.limits));
         usable = if missing.is_empty() { Ok(()) } else { Err(format!("lacks {}", missing.join(", "))) };
     }
     // SAFETY: as above.
@@ -183,18 +194,13 @@ fn inspect(
         timestamp_bits: families.get(family).map_or(0, |family| family.timestamp_valid_bits),
         properties,
         features,
+        max_buffer_size,
     }
 }
 
 /// The features that every device must have; [`missing`] asks for these and no others.
-pub(super) fn required() -> (
-    vk::PhysicalDeviceFeatures,
-    vk::PhysicalDeviceVulkan12Features<'static>,
-    vk::PhysicalDeviceVulkan13Features<'static>,
-) {
-    let core = vk::PhysicalDeviceFeatures::default()
-        .fragment_stores_and_atomics(true)
-        .vertex_pipeline_stores_and_atomics(true);
+pub(super) fn required()
+-> (vk::PhysicalDeviceVulkan12Features<'static>, vk::PhysicalDeviceVulkan13Features<'static>) {
     let vulkan12 = vk::PhysicalDeviceVulkan12Features::default()
         .scalar_block_layout(true)
         .host_query_reset(true)
@@ -207,17 +213,38 @@ pub(super) fn required() -> (
         .maintenance4(true)
         .shader_demote_to_helper_invocation(true)
         .shader_terminate_invocation(true);
-    (core, vulkan12, vulkan13)
+    (vulkan12, vulkan13)
+}
+
+/// What shaders need more of than every Vulkan device has.
+fn short_of(limits: &vk::PhysicalDeviceLimits) -> Vec<&'static str> {
+    let short = [
+        (
+            limits.max_fragment_input_components < VARYINGS,
+            "enough fragment shader inputs (maxFragmentInputComponents)",
+        ),
+        // Its position is one, too.
+        (
+            limits.max_vertex_output_components < VARYINGS + 4,
+            "enough vertex shader outputs (maxVertexOutputComponents)",
+        ),
+        (
+            limits.max_per_stage_descriptor_samplers < SAMPLERS,
+            "enough samplers (maxPerStageDescriptorSamplers)",
+        ),
+        (
+            limits.max_per_stage_descriptor_sampled_images < SAMPLERS + TEXEL_BUFFERS,
+            "enough sampled images (maxPerStageDescriptorSampledImages)",
+        ),
+    ];
+    short.into_iter().filter_map(|(short, what)| short.then_some(what)).collect()
 }
 
 fn missing(
-    core: &vk::PhysicalDeviceFeatures,
     vulkan12: &vk::PhysicalDeviceVulkan12Features<'_>,
     vulkan13: &vk::PhysicalDeviceVulkan13Features<'_>,
 ) -> Vec<&'static str> {
     [
-        (core.fragment_stores_and_atomics, "fragmentStoresAndAtomics"),
-        (core.vertex_pipeline_stores_and_atomics, "vertexPipelineStoresAndAtomics"),
         (vulkan12.scalar_block_layout, "scalarBlockLayout"),
         (vulkan12.host_query_reset, "hostQueryReset"),
         (vulkan12.timeline_semaphore, "timelineSemaphore"),
@@ -292,9 +319,25 @@ mod tests {
 
     #[test]
     fn the_required_features_are_the_checked_ones() {
-        let (core, vulkan12, vulkan13) = required();
-        assert!(missing(&core, &vulkan12, &vulkan13).is_empty());
-        let none = (vk::PhysicalDeviceFeatures::default(), Default::default(), Default::default());
-        assert_eq!(missing(&none.0, &none.1, &none.2).len(), 10);
+        let (vulkan12, vulkan13) = required();
+        assert!(missing(&vulkan12, &vulkan13).is_empty());
+        assert_eq!(missing(&Default::default(), &Default::default()).len(), 8);
+    }
+
+    #[test]
+    fn limits_that_shaders_exceed_are_named() {
+        // What every device has.
+        let mut limits = vk::PhysicalDeviceLimits {
+            max_fragment_input_components: 64,
+            max_vertex_output_components: 64,
+            max_per_stage_descriptor_samplers: 16,
+            max_per_stage_descriptor_sampled_images: 16,
+            ..Default::default()
+        };
+        assert_eq!(short_of(&limits).len(), 3);
+        limits.max_fragment_input_components = 112;
+        limits.max_vertex_output_components = 128;
+        limits.max_per_stage_descriptor_sampled_images = 128;
+        assert!(short_of(&limits).is_empty());
     }
 }

@@ -428,6 +428,9 @@ impl Drop for Recording<'_> {
     fn drop(&mut self) {
         if !self.submitted {
             // None of it will happen.
+            if let Some(timestamps) = &mut self.commands.timestamps {
+                timestamps.reset();
+            }
             for touched in self.commands.touched.drain(..).rev() {
                 match touched {
                     Touched::Buffer(buffer, before) => drop(buffer.set_access(before)),

@@ -56,6 +56,8 @@ pub struct Gpu {
     pub(super) device: ash::Device,
     pub(super) queue_family: u32,
     pub(super) limits: vk::PhysicalDeviceLimits,
+    /// Bytes of the largest buffer.
+    pub(super) max_buffer_size: u64,
     pub(super) memory: vk::PhysicalDeviceMemoryProperties,
     pub(super) features: vk::PhysicalDeviceFeatures,
     pub(super) timestamp_bits: u32,
@@ -111,9 +113,9 @@ impl Gpu {
 
     /// Opens `candidate`, a device of `instance`, with the extensions `extensions`, which it has.
     pub(super) fn open(instance: Instance, candidate: Candidate, extensions: &[&CStr]) -> Result<Arc<Self>> {
-        let (mut core, mut vulkan12, mut vulkan13) = choice::required();
-        core.sampler_anisotropy = candidate.features.sampler_anisotropy;
-        core.sample_rate_shading = candidate.features.sample_rate_shading;
+        let (mut vulkan12, mut vulkan13) = choice::required();
+        let core = vk::PhysicalDeviceFeatures::default()
+            .sampler_anisotropy(candidate.features.sampler_anisotropy == vk::TRUE);
         let queues = [vk::DeviceQueueCreateInfo::default()
             .queue_family_index(candidate.queue_family)
             .queue_priorities(&[1.0])];
@@ -163,6 +165,7 @@ impl Gpu {
             device,
             queue_family: candidate.queue_family,
             limits: candidate.properties.limits,
+            max_buffer_size: candidate.max_buffer_size,
             memory,
             features: core,
             timestamp_bits: candidate.timestamp_bits,

@@ -5,7 +5,7 @@ use std::ops::Range;
 use ash::vk;
 use bytemuck::Pod;
 
-use super::{Access, DescriptorSet, DeviceBuffer, GraphicsPipeline, Image, Recording};
+use super::{Access, DescriptorSet, GraphicsPipeline, Image, Recording};
 
 /// What a render pass draws into; all of one size.
 #[derive(Debug, Clone, Copy)]
@@ -150,35 +150,6 @@ impl Draws<'_, '_> {
         self
     }
 
-    /// Binds vertex buffers, in the order of the pipeline's description.
-    pub fn vertex_buffers(&mut self, buffers: &[&DeviceBuffer]) -> &mut Self {
-        let handles: Vec<_> = buffers.iter().map(|buffer| buffer.raw.handle).collect();
-        let offsets = vec![0; handles.len()];
-        // SAFETY: in a render pass; the buffers are held until the device is done.
-        unsafe {
-            self.recording.device().cmd_bind_vertex_buffers(self.recording.raw(), 0, &handles, &offsets);
-        }
-        for buffer in buffers {
-            self.recording.hold(buffer.raw.clone());
-        }
-        self
-    }
-
-    /// Binds a buffer of `u32` indices.
-    pub fn index_buffer(&mut self, buffer: &DeviceBuffer) -> &mut Self {
-        // SAFETY: in a render pass; the buffer is held until the device is done.
-        unsafe {
-            self.recording.device().cmd_bind_index_buffer(
-                self.recording.raw(),
-                buffer.raw.handle,
-                0,
-                vk::IndexType::UINT32,
-            );
-        }
-        self.recording.hold(buffer.raw.clone());
-        self
-    }
-
     /// Limits drawing to a rectangle: left, top, width, height.
     pub fn scissor(&mut self, [x, y, width, height]: [u32; 4]) -> &mut Self {
         let area = vk::Rect2D {
@@ -191,7 +162,11 @@ impl Draws<'_, '_> {
     }
 
     /// Draws triangles of these vertices, or nothing if there are none.
+    ///
+    /// # Panics
+    /// Without a pipeline.
     pub fn draw(&mut self, vertices: Range<u32>) -> &mut Self {
+        self.bound();
         if !vertices.is_empty() {
             // SAFETY: in a render pass with a pipeline bound.
             unsafe {
@@ -200,24 +175,6 @@ impl Draws<'_, '_> {
                     vertices.end - vertices.start,
                     1,
                     vertices.start,
-                    0,
-                );
-            }
-        }
-        self
-    }
-
-    /// Draws triangles of these indices, or nothing if there are none.
-    pub fn draw_indexed(&mut self, indices: Range<u32>) -> &mut Self {
-        if !indices.is_empty() {
-            // SAFETY: in a render pass with a pipeline and an index buffer bound.
-            unsafe {
-                self.recording.device().cmd_draw_indexed(
-                    self.recording.raw(),
-                    indices.end - indices.start,
-                    1,
-                    indices.start,
-                    0,
                     0,
                 );
             }

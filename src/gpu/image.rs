@@ -22,8 +22,6 @@ pub enum Format {
     Rgba8Srgb,
     /// Four halves.
     Rgba16f,
-    /// Four floats.
-    Rgba32f,
     /// Depth as a float.
     Depth32f,
     /// Depth as a float, and an 8-bit stencil.
@@ -37,7 +35,6 @@ impl Format {
             Self::Rgba8 => vk::Format::R8G8B8A8_UNORM,
             Self::Rgba8Srgb => vk::Format::R8G8B8A8_SRGB,
             Self::Rgba16f => vk::Format::R16G16B16A16_SFLOAT,
-            Self::Rgba32f => vk::Format::R32G32B32A32_SFLOAT,
             Self::Depth32f => vk::Format::D32_SFLOAT,
             Self::Depth32fStencil8 => vk::Format::D32_SFLOAT_S8_UINT,
         }
@@ -49,7 +46,6 @@ impl Format {
             Self::R8 => 1,
             Self::Rgba8 | Self::Rgba8Srgb | Self::Depth32f | Self::Depth32fStencil8 => 4,
             Self::Rgba16f => 8,
-            Self::Rgba32f => 16,
         }
     }
 

@@ -44,7 +44,6 @@ pub use instance::Messages;
 pub use memory::{ReadbackChoice, ReadbackMemory};
 pub use pipeline::{
     Blend, ComputePipeline, Cull, DepthMode, GraphicsDesc, GraphicsPipeline, Shader, StencilMode,
-    VertexBuffer, VertexFormat,
 };
 pub use sampler::{AddressMode, SamplerDesc, TexelFilter};
 pub use staging::{ReadbackRing, Uploads};

@@ -25,51 +25,6 @@ impl<'a> Shader<'a> {
     }
 }
 
-/// One vertex buffer: its stride in bytes, and location, format and byte offset of each attribute.
-#[derive(Debug, Clone, Copy)]
-pub struct VertexBuffer<'a> {
-    /// Bytes from one vertex to the next.
-    pub stride: u32,
-    /// Shader location, format, byte offset.
-    pub attributes: &'a [(u32, VertexFormat, u32)],
-}
-
-/// Format of a vertex attribute.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub enum VertexFormat {
-    /// `float`
-    F32,
-    /// `vec2`
-    F32x2,
-    /// `vec3`
-    F32x3,
-    /// `vec4`
-    F32x4,
-    /// `vec4` of halves
-    F16x4,
-    /// `uint`
-    U32,
-    /// `uvec4`
-    U32x4,
-    /// `vec4` of bytes, 0 to 1
-    Unorm8x4,
-}
-
-impl VertexFormat {
-    fn vk(self) -> vk::Format {
-        match self {
-            Self::F32 => vk::Format::R32_SFLOAT,
-            Self::F32x2 => vk::Format::R32G32_SFLOAT,
-            Self::F32x3 => vk::Format::R32G32B32_SFLOAT,
-            Self::F32x4 => vk::Format::R32G32B32A32_SFLOAT,
-            Self::F16x4 => vk::Format::R16G16B16A16_SFLOAT,
-            Self::U32 => vk::Format::R32_UINT,
-            Self::U32x4 => vk::Format::R32G32B32A32_UINT,
-            Self::Unorm8x4 => vk::Format::R8G8B8A8_UNORM,
-        }
-    }
-}
-
 /// How a fragment joins what is in the colour target.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Blend {
@@ -114,8 +69,6 @@ pub enum Cull {
     None,
     /// Those seen from behind.
     Back,
-    /// Those seen from the front.
-    Front,
 }
 
 /// Description of a [`GraphicsPipeline`] that draws lists of triangles.
@@ -127,8 +80,6 @@ pub struct GraphicsDesc<'a> {
     pub vertex: Shader<'a>,
     /// Fragment shader.
     pub fragment: Shader<'a>,
-    /// Vertex buffers, in the order of their binding.
-    pub buffers: &'a [VertexBuffer<'a>],
     /// Layouts of the descriptor sets, in order.
     pub sets: &'a [&'a SetLayout],
     /// Bytes of push constants, at most 128, for all stages.
@@ -145,18 +96,15 @@ pub struct GraphicsDesc<'a> {
     pub cull: Cull,
     /// Samples a pixel, 1 or 4.
     pub samples: u32,
-    /// Whether every sample is shaded, on devices that can.
-    pub sample_shading: bool,
 }
 
 impl<'a> GraphicsDesc<'a> {
-    /// A pipeline that draws opaque triangles with a reversed-Z depth test, without vertex buffers.
+    /// A pipeline that draws opaque triangles with a reversed-Z depth test.
     pub fn opaque(name: &'a str, vertex: &'a [u8], fragment: &'a [u8]) -> Self {
         Self {
             name,
             vertex: Shader::new(vertex),
             fragment: Shader::new(fragment),
-            buffers: &[],
             sets: &[],
             push_bytes: 0,
             colors: &[],
@@ -165,7 +113,6 @@ impl<'a> GraphicsDesc<'a> {
             stencil: StencilMode::Off,
             cull: Cull::None,
             samples: 1,
-            sample_shading: false,
         }
     }
 }
@@ -208,10 +155,8 @@ impl GraphicsPipeline {
             fragment.info(vk::ShaderStageFlags::FRAGMENT, &fragment_constants),
         ];
 
-        let (bindings, attributes) = vertex_layout(desc.buffers);
-        let vertex_input = vk::PipelineVertexInputStateCreateInfo::default()
-            .vertex_binding_descriptions(&bindings)
-            .vertex_attribute_descriptions(&attributes);
+        // Vertex shaders read storage buffers.
+        let vertex_input = vk::PipelineVertexInputStateCreateInfo::default();
         let assembly = vk::PipelineInputAssemblyStateCreateInfo::default()
             .topology(vk::PrimitiveTopology::TRIANGLE_LIST);
         let viewport = vk::PipelineViewportStateCreateInfo::default().viewport_count(1).scissor_count(1);
@@ -220,14 +165,11 @@ impl GraphicsPipeline {
             .cull_mode(match desc.cull {
                 Cull::None => vk::CullModeFlags::NONE,
                 Cull::Back => vk::CullModeFlags::BACK,
-                Cull::Front => vk::CullModeFlags::FRONT,
             })
             .front_face(vk::FrontFace::COUNTER_CLOCKWISE)
             .line_width(1.0);
         let multisample = vk::PipelineMultisampleStateCreateInfo::default()
-            .rasterization_samples(vk::SampleCountFlags::from_raw(desc.samples))
-            .sample_shading_enable(desc.sample_shading && gpu.features.sample_rate_shading == vk::TRUE)
-            .min_sample_shading(1.0);
+            .rasterization_samples(vk::SampleCountFlags::from_raw(desc.samples));
         let depth_stencil = depth_stencil(desc.depth, desc.stencil);
         let blends: Vec<_> = desc.colors.iter().map(|color| blend(color.1)).collect();
         let color_blend = vk::PipelineColorBlendStateCreateInfo::default().attachments(&blends);
@@ -393,28 +335,6 @@ impl Drop for Stage<'_> {
         // SAFETY: a module is needed only while pipelines are created from it.
         unsafe { self.gpu.device.destroy_shader_module(self.module, None) };
     }
-}
-
-fn vertex_layout(
-    buffers: &[VertexBuffer<'_>],
-) -> (Vec<vk::VertexInputBindingDescription>, Vec<vk::VertexInputAttributeDescription>) {
-    let bindings = (0..)
-        .zip(buffers)
-        .map(|(binding, buffer)| vk::VertexInputBindingDescription {
-            binding,
-            stride: buffer.stride,
-            input_rate: vk::VertexInputRate::VERTEX,
-        })
-        .collect();
-    let attributes = (0..)
-        .zip(buffers)
-        .flat_map(|(binding, buffer)| {
-            buffer.attributes.iter().map(move |&(location, format, offset)| {
-                vk::VertexInputAttributeDescription { location, binding, format: format.vk(), offset }
-            })
-        })
-        .collect();
-    (bindings, attributes)
 }
 
 fn blend(blend: Blend) -> vk::PipelineColorBlendAttachmentState {

@@ -159,6 +159,16 @@ impl Chain {
             vk::CompositeAlphaFlagsKHR::PRE_MULTIPLIED,
         ];
         let alpha = alpha.into_iter().find(|&mode| capabilities.supported_composite_alpha.contains(mode));
+        let (least, largest) = (capabilities.min_image_extent, capabilities.max_image_extent);
+        let fits = (least.width..=largest.width).contains(&wanted.width)
+            && (least.height..=largest.height).contains(&wanted.height);
+        let usage = vk::ImageUsageFlags::TRANSFER_DST;
+        let (Some(alpha), true) = (alpha, fits && capabilities.supported_usage_flags.contains(usage)) else {
+            return Err(Error::NoDevice(format!(
+                "the window takes no images of {}x{} pixels that are copied to",
+                wanted.width, wanted.height
+            )));
+        };
         let info = vk::SwapchainCreateInfoKHR::default()
             .surface(surface.handle)
             .min_image_count((capabilities.min_image_count + 1).min(most))
@@ -166,10 +176,10 @@ impl Chain {
             .image_color_space(format.color_space)
             .image_extent(wanted)
             .image_array_layers(1)
-            .image_usage(vk::ImageUsageFlags::TRANSFER_DST)
+            .image_usage(usage)
             .image_sharing_mode(vk::SharingMode::EXCLUSIVE)
             .pre_transform(capabilities.current_transform)
-            .composite_alpha(alpha.unwrap_or(vk::CompositeAlphaFlagsKHR::OPAQUE))
+            .composite_alpha(alpha)
             .present_mode(if mailbox { vk::PresentModeKHR::MAILBOX } else { vk::PresentModeKHR::FIFO })
             .clipped(true);
         let loader = khr::swapchain::Device::new(&gpu.instance.handle, &gpu.device);

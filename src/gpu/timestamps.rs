@@ -41,11 +41,11 @@ impl Timestamps {
         Ok(Self { gpu: gpu.clone(), pool, capacity, names: Vec::new() })
     }
 
-    /// Forgets all scopes. The device must be done with them.
+    /// Forgets all scopes. The device must be done with them, or never get them.
     pub(super) fn reset(&mut self) {
         self.names.clear();
         if self.capacity > 0 {
-            // SAFETY: the caller waited for the submission that wrote the queries.
+            // SAFETY: the caller waited for the submission that wrote the queries, or will never submit it.
             unsafe { self.gpu.device.reset_query_pool(self.pool, 0, 2 * self.capacity) };
         }
     }

@@ -88,12 +88,12 @@ impl Plan {
             Resource { what: "materials and targets", bytes: table, objects: &["scene table"] },
             Resource {
                 what: "vertices of faces drawn without samples",
-                bytes: passes::list_bytes(base[0]),
+                bytes: buffer(base[0]),
                 objects: &["base vertices"],
             },
             Resource {
                 what: "records of faces drawn without samples",
-                bytes: passes::list_bytes(base[1]),
+                bytes: buffer(base[1]),
                 objects: &["base records"],
             },
             Resource {

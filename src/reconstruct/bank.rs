@@ -3,6 +3,7 @@
 //! Vulkan 1.3 alone cannot index sampled images dynamically, but it can choose a layer. Textures of one
 //! size, encoding and sampler share an array; a shader names a texture by array and layer.
 
+use half::f16;
 use image::{RgbaImage, imageops};
 
 use crate::constants::{MAX_BANK_ARRAYS, NO_TEXTURE};
@@ -71,7 +72,7 @@ pub const TEXTURES: &str = "texture bank";
 /// Bytes of a scene's panorama on the device.
 pub fn panorama_bytes(scene: &Scene) -> u64 {
     match &scene.background {
-        Background::Environment(panorama) => size_of::<[f32; 4]>() as u64 * panorama.radiance.len() as u64,
+        Background::Environment(panorama) => size_of::<[u16; 4]>() as u64 * panorama.radiance.len() as u64,
         Background::Color(_) => 0,
     }
 }
@@ -241,11 +242,15 @@ fn texels(scene: &Scene, texture: usize, (width, height): (u32, u32)) -> Vec<u8>
 }
 
 fn panorama_image(uploads: &mut Uploads, panorama: &Environment) -> Result<(Image, SamplerDesc)> {
-    let texels: Vec<[f32; 4]> =
-        panorama.radiance.iter().map(|radiance| radiance.extend(1.0).into()).collect();
+    // Radiance is within what halves hold, and every device filters these.
+    let texels: Vec<[u16; 4]> = panorama
+        .radiance
+        .iter()
+        .map(|radiance| radiance.extend(1.0).to_array().map(|value| f16::from_f32(value).to_bits()))
+        .collect();
     let size = (panorama.width, panorama.height);
     let bytes = bytemuck::cast_slice(&texels);
-    let image = uploads.texture(&panorama.name, Format::Rgba32f, size, &[bytes], false)?;
+    let image = uploads.texture(&panorama.name, Format::Rgba16f, size, &[bytes], false)?;
     let sampler = SamplerDesc {
         u: AddressMode::Repeat,
         v: AddressMode::Clamp,

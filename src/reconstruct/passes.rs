@@ -49,7 +49,6 @@ mod target;
 
 pub use describe::{BaseDraw, BaseFaces, ColorPass, Drawing, PassOptions, color_passes};
 use list::LeafList;
-pub use list::list_bytes;
 use pipelines::{PipelineKey, leaf_key};
 use target::Target;
 pub use target::TargetDesc;
@@ -129,7 +128,7 @@ impl Painter {
             vec![bytemuck::cast_slice(&base.leaves)],
             Vec::new(),
         ];
-        let base_list = LeafList::new(gpu, &layouts[1], "base", &mut uploads, &base_buffers)?;
+        let base_list = LeafList::new(gpu, &layouts[1], ("base", false), &mut uploads, &base_buffers)?;
         uploads.flush()?;
         let depth_reset = options.single_pass.then(|| base_image::depth_reset(gpu)).transpose()?;
         Ok(Self {
@@ -176,7 +175,7 @@ impl Painter {
             slot => {
                 // Replaced before it is made anew, so that both never exist at once.
                 *slot = None;
-                *slot = Some(LeafList::new(gpu, layout, "leaves", &mut self.uploads, buffers)?);
+                *slot = Some(LeafList::new(gpu, layout, ("leaves", true), &mut self.uploads, buffers)?);
             }
         }
         self.uploads.flush()

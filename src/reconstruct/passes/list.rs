@@ -5,8 +5,8 @@ use std::sync::Arc;
 use crate::error::Result;
 use crate::gpu::{DescriptorSet, DeviceBuffer, Gpu, Resource, SetLayout, Uploads};
 
-/// Bytes of a buffer made for `bytes`: room to grow by half without a new one.
-pub fn list_bytes(bytes: u64) -> u64 {
+/// Bytes of a buffer of leaves that is made for `bytes`: room to grow by half without a new one.
+fn room_for(bytes: u64) -> u64 {
     (bytes * 3 / 2).max(256).next_multiple_of(16)
 }
 
@@ -17,16 +17,19 @@ pub(super) struct LeafList {
 }
 
 impl LeafList {
-    /// `data`: vertices, leaf records, node table, each in parts that follow one another.
+    /// `data`: vertices, leaf records, node table, each in parts that follow one another; with room for more of them if it
+    /// `grows`.
     pub(super) fn new(
         gpu: &Arc<Gpu>,
         layout: &SetLayout,
-        name: &str,
+        (name, grows): (&str, bool),
         uploads: &mut Uploads,
         data: &[Vec<&[u8]>; 3],
     ) -> Result<Self> {
         let make = |what: &str, parts: &[&[u8]]| {
-            DeviceBuffer::new(gpu, &format!("{name} {what}"), list_bytes(bytes(parts)))
+            let bytes = bytes(parts);
+            let size = if grows { room_for(bytes) } else { bytes };
+            DeviceBuffer::new(gpu, &format!("{name} {what}"), size)
         };
         let buffers = [make("vertices", &data[0])?, make("records", &data[1])?, make("nodes", &data[2])?];
         let set = layout.set(
