@@ -325,6 +325,9 @@ fn an_interrupt_ends_long_work_cleanly() {
     interrupted(&place, &one_tile, second);
     let large = ["render", "scene.glb", "-o", "out.png", "--size", "2048x2048", "--ss", "16", "--error", "0"];
     interrupted(&place, &large, 2 * second);
+    // A pipe that nobody reads.
+    assert!(Command::new("mkfifo").arg(place.path("pipe.png")).status().unwrap().success());
+    interrupted(&place, &["reference", "scene.glb", "-o", "pipe.png", "--size", "16x16"], second);
     // What comes before there is anything to stop: a JSON of millions of values.
     let mut json = br#"{"asset":{"version":"2.0"},"extras":[0"#.to_vec();
     json.extend(b",0".repeat(30_000_000));

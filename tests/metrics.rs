@@ -1,6 +1,8 @@
 //! Image files and image differences against values computed by hand.
 
 use std::fs;
+#[cfg(unix)]
+use std::{process::Command, sync::mpsc, thread, time::Duration};
 
 use vertex_tracing::report::{
     Encoding, FloatImage, compare,
@@ -155,6 +157,50 @@ fn files_appear_whole_or_not_at_all() {
         let mode = |name| fs::metadata(blocked.join(name)).unwrap().permissions().mode();
         assert_eq!(mode("file"), mode("ordinary"), "as any new file");
     }
+}
+
+#[cfg(unix)]
+#[test]
+fn links_are_followed_and_what_is_no_file_is_written_to() {
+    use std::os::unix::fs::{FileTypeExt, symlink};
+    let folder = tempfile::tempdir().unwrap();
+    let path = |name: &str| folder.path().join(name);
+    fs::create_dir(path("far")).unwrap();
+    symlink("far/link", path("link")).unwrap();
+    symlink("file", path("far/link")).unwrap();
+    // The file that the links lead to, when it is not there yet and when it is.
+    for bytes in [b"old", b"new"] {
+        check_writable(&path("link")).unwrap();
+        write_file(&path("link"), bytes).unwrap();
+        assert_eq!(fs::read(path("far/file")).unwrap(), bytes);
+    }
+    for link in ["link", "far/link"] {
+        assert!(path(link).is_symlink(), "{link} was replaced");
+    }
+    assert_eq!(fs::read_dir(path("far")).unwrap().count(), 2, "written beside the target, and renamed");
+
+    symlink("absent/file", path("nowhere")).unwrap();
+    symlink("loop", path("loop")).unwrap();
+    for (name, expected) in [("nowhere", "absent does not exist"), ("loop", "too many symbolic links")] {
+        let problem = check_writable(&path(name)).unwrap_err().to_string();
+        assert!(problem.contains(expected), "{problem}");
+        assert!(write_file(&path(name), b"new").is_err() && path(name).is_symlink());
+    }
+
+    symlink("/dev/null", path("null")).unwrap();
+    check_writable(&path("null")).unwrap();
+    write_file(&path("null"), b"new").unwrap();
+    assert!(path("null").is_symlink());
+
+    let pipe = path("pipe");
+    assert!(Command::new("mkfifo").arg(&pipe).status().unwrap().success());
+    check_writable(&pipe).unwrap();
+    let (sender, read) = mpsc::channel();
+    let reader = pipe.clone();
+    thread::spawn(move || sender.send(fs::read(reader).unwrap()));
+    write_file(&pipe, b"new").unwrap();
+    assert!(fs::symlink_metadata(&pipe).unwrap().file_type().is_fifo(), "the pipe was replaced");
+    assert_eq!(read.recv_timeout(Duration::from_secs(60)).unwrap(), b"new");
 }
 
 #[test]

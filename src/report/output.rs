@@ -1,9 +1,9 @@
 //! Writing images and reports: whole files or none.
 
 use std::{
-    fs::Permissions,
-    io::{Cursor, Write},
-    path::Path,
+    fs::{OpenOptions, Permissions},
+    io::{Cursor, ErrorKind, Write},
+    path::{Path, PathBuf},
     sync::{Mutex, MutexGuard, PoisonError},
 };
 
@@ -13,6 +13,9 @@ use serde::Serialize;
 
 use super::{FloatImage, image::srgb_encode, pfm};
 use crate::error::{Error, Result};
+
+/// Most symbolic links that lead to a file, as Linux has it.
+const MOST_LINKS: u32 = 40;
 
 static WRITING: Mutex<()> = Mutex::new(());
 
@@ -117,15 +120,21 @@ pub fn to_json(value: &impl Serialize) -> Result<String> {
     Ok(text.map_err(|error| Error::Option(format!("cannot be written as JSON: {error}")))? + "\n")
 }
 
-/// Writes `bytes` beside `path` and renames: the file appears whole or not at all.
+/// Writes `bytes` beside the file that `path` leads to and renames: the file appears whole or not at all. What is there
+/// and is no file, a pipe or a device, is written to as it is.
 ///
 /// # Errors
 /// [`Error::Io`]; then nothing is left behind.
 pub fn write_file(path: &Path, bytes: &[u8]) -> Result<()> {
+    let Place::File(target) = place(path)? else {
+        // Not held: it may wait for a reader for ever, and whoever ends the process must not wait for it.
+        let stream = OpenOptions::new().write(true).open(path);
+        return stream.and_then(|mut stream| stream.write_all(bytes)).map_err(Error::io(path));
+    };
     let _held = hold_files();
-    let mut file = temporary(path)?;
+    let mut file = temporary(&target)?;
     file.write_all(bytes).map_err(Error::io(path))?;
-    file.persist(path).map_err(|error| Error::Io { path: path.into(), source: error.error })?;
+    file.persist(&target).map_err(|error| Error::Io { path: path.into(), source: error.error })?;
     Ok(())
 }
 
@@ -134,12 +143,38 @@ pub fn write_file(path: &Path, bytes: &[u8]) -> Result<()> {
 /// # Errors
 /// [`Error::Io`] if `path` is a folder, or if its folder is absent or cannot be written to.
 pub fn check_writable(path: &Path) -> Result<()> {
-    if path.is_dir() {
-        let source = std::io::Error::new(std::io::ErrorKind::IsADirectory, "is a folder; name a file in it");
-        return Err(Error::Io { path: path.into(), source });
-    }
+    // Opening a pipe would wait for its reader, and closing it again would tell that reader of an end.
+    let Place::File(target) = place(path)? else { return Ok(()) };
     let _held = hold_files();
-    temporary(path).map(drop)
+    temporary(&target).map(drop)
+}
+
+/// What a path leads to.
+enum Place {
+    /// A file, there already or not yet, by the path that no symbolic link follows.
+    File(PathBuf),
+    /// A pipe, a device or a socket.
+    Stream,
+}
+
+fn place(path: &Path) -> Result<Place> {
+    let refused =
+        |kind, problem| Err(Error::Io { path: path.into(), source: std::io::Error::new(kind, problem) });
+    match std::fs::metadata(path) {
+        Ok(found) if found.is_dir() => {
+            return refused(ErrorKind::IsADirectory, "is a folder; name a file in it");
+        }
+        Ok(found) if !found.is_file() => return Ok(Place::Stream),
+        // What is not there yet may still be behind a link, whose folder then decides.
+        _ => {}
+    }
+    let mut target = path.to_path_buf();
+    for _ in 0..MOST_LINKS {
+        let Ok(next) = std::fs::read_link(&target) else { return Ok(Place::File(target)) };
+        target.pop();
+        target.push(next);
+    }
+    refused(ErrorKind::InvalidInput, "leads through too many symbolic links")
 }
 
 /// An empty file in the folder of `path` that vanishes when dropped.
@@ -156,10 +191,10 @@ fn temporary(path: &Path) -> Result<tempfile::NamedTempFile> {
         // tempfile adds the temporary name to its message: only the cause helps here.
         let kind = error.kind();
         let cause = match kind {
-            std::io::ErrorKind::NotFound if !folder.exists() => {
+            ErrorKind::NotFound if !folder.exists() => {
                 format!("folder {} does not exist; create it first", folder.display())
             }
-            std::io::ErrorKind::NotADirectory => format!("{} is not a folder", folder.display()),
+            ErrorKind::NotADirectory => format!("{} is not a folder", folder.display()),
             _ => format!("cannot write to folder {}: {kind}", folder.display()),
         };
         Error::Io { path: path.into(), source: std::io::Error::new(kind, cause) }
