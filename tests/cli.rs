@@ -108,6 +108,38 @@ fn wrong_usage_exits_2() {
 }
 
 #[test]
+fn results_of_one_name_are_wrong_usage() {
+    let place = Place::new();
+    fs::create_dir(place.path("in")).unwrap();
+    #[cfg(unix)]
+    std::os::unix::fs::symlink("in/x.png", place.path("link.png")).unwrap();
+    let before = place.names();
+    let absolute = place.path("x.png");
+    let mut table = vec![
+        ("x.png", "--stats", "x.png"),
+        ("x.png", "--stats", "./x.png"),
+        ("in/../x.png", "--stats", absolute.to_str().unwrap()),
+        ("absent/x.png", "--stats", "./absent/x.png"),
+        ("x.png", "--progressive", "x.png/"),
+    ];
+    #[cfg(unix)]
+    table.push(("link.png", "--stats", "in/x.png"));
+    for command in ["render", "reference"] {
+        for &(output, option, path) in table.iter().filter(|row| command == "render" || row.1 == "--stats") {
+            let output = place.run(&[command, "scene.glb", "-o", output, option, path]);
+            let stderr = text(&output.stderr);
+            assert_eq!(output.status.code(), Some(2), "{command} {option} {path}: {stderr}");
+            let expected = format!("--output and {option} name the same file");
+            assert!(stderr.contains(&expected) && output.stdout.is_empty(), "{stderr}");
+            assert_eq!(place.names(), before, "{command} {option} {path}: a file was left behind");
+        }
+    }
+    let apart = ["-o", "x.png", "--stats", "in/x.png"];
+    let output = place.run(&[&["reference", "scene.glb", "--size", "8x8"][..], &apart].concat());
+    assert_eq!(output.status.code(), Some(0), "{}", text(&output.stderr));
+}
+
+#[test]
 fn help_and_version_are_results() {
     for arguments in [&["--help"][..], &["--version"], &["reference", "--help"], &["compare", "-h"]] {
         let output = run(arguments);

@@ -9,7 +9,7 @@ use crate::{
     error::Result,
     report::{
         FloatImage, Stats,
-        output::{Format, check_writable, to_json, write_file, write_image},
+        output::{Format, check_writable, same_file, to_json, write_file, write_image},
     },
 };
 
@@ -28,6 +28,25 @@ pub struct OutputArgs {
 impl OutputArgs {
     fn stats_on_stdout(&self) -> bool {
         self.stats.as_deref() == Some(Path::new("-"))
+    }
+
+    /// Checks that no two of the options in `named`, each with its path, and `--stats` name one file.
+    ///
+    /// # Errors
+    /// Which do.
+    pub fn check_distinct(&self, named: &[(&str, Option<&Path>)]) -> Result<(), String> {
+        let stats = self.stats.as_deref().filter(|_| !self.stats_on_stdout());
+        let given: Vec<(&str, &Path)> = named
+            .iter()
+            .chain([&("--stats", stats)])
+            .filter_map(|&(option, path)| Some((option, path?)))
+            .collect();
+        for (index, (option, path)) in given.iter().enumerate() {
+            if let Some((other, _)) = given[..index].iter().find(|(_, other)| same_file(path, other)) {
+                return Err(format!("{other} and {option} name the same file, {}", path.display()));
+            }
+        }
+        Ok(())
     }
 
     /// Checks, before the work, that its results can be written.

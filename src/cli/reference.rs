@@ -66,7 +66,10 @@ impl ReferenceArgs {
             packets: self.packets,
             ray_offset: self.ray_offset,
         };
-        options.scene.check().map_err(|problem| Failure::conflict("reference", problem))?;
+        let distinct = self.out.check_distinct(&[("--output", Some(&self.output))]);
+        distinct
+            .and_then(|()| options.scene.check())
+            .map_err(|problem| Failure::conflict("reference", problem))?;
         Ok(options)
     }
 }

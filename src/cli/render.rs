@@ -84,7 +84,9 @@ impl RenderArgs {
 }
 
 pub(super) fn run(args: &RenderArgs) -> Result<(), Failure> {
-    let options = args.options().map_err(|problem| Failure::conflict("render", problem))?;
+    let named = [("--output", args.output.as_deref()), ("--progressive", args.progressive.as_deref())];
+    let options = args.out.check_distinct(&named).and_then(|()| args.options());
+    let options = options.map_err(|problem| Failure::conflict("render", problem))?;
     args.threads.apply()?;
     args.out.check(args.output.as_deref())?;
     if let Some(folder) = &args.progressive {

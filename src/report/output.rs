@@ -3,7 +3,7 @@
 use std::{
     fs::{OpenOptions, Permissions},
     io::{Cursor, ErrorKind, Write},
-    path::{Path, PathBuf},
+    path::{Path, PathBuf, absolute},
     sync::{Mutex, MutexGuard, PoisonError},
 };
 
@@ -149,6 +149,18 @@ pub fn check_writable(path: &Path) -> Result<()> {
     temporary(&target).map(drop)
 }
 
+/// Whether `a` and `b` lead to one file, there already or not yet. Not so of pipes and devices, which take what comes.
+pub fn same_file(a: &Path, b: &Path) -> bool {
+    let file = |path: &Path| match place(path) {
+        Ok(Place::File(target)) => {
+            let folder = std::fs::canonicalize(folder_of(&target)).or_else(|_| absolute(folder_of(&target)));
+            folder.ok().zip(target.file_name().map(ToOwned::to_owned))
+        }
+        _ => None,
+    };
+    file(a).is_some_and(|a| Some(a) == file(b))
+}
+
 /// What a path leads to.
 enum Place {
     /// A file, there already or not yet, by the path that no symbolic link follows.
@@ -177,12 +189,16 @@ fn place(path: &Path) -> Result<Place> {
     refused(ErrorKind::InvalidInput, "leads through too many symbolic links")
 }
 
-/// An empty file in the folder of `path` that vanishes when dropped.
-fn temporary(path: &Path) -> Result<tempfile::NamedTempFile> {
-    let folder = match path.parent() {
+fn folder_of(path: &Path) -> &Path {
+    match path.parent() {
         Some(parent) if !parent.as_os_str().is_empty() => parent,
         _ => Path::new("."),
-    };
+    }
+}
+
+/// An empty file in the folder of `path` that vanishes when dropped.
+fn temporary(path: &Path) -> Result<tempfile::NamedTempFile> {
+    let folder = folder_of(path);
     let mut builder = tempfile::Builder::new();
     builder.prefix(".vtrace-").suffix(".part");
     #[cfg(unix)] // as any new file, by the umask; tempfile's own choice is 0600
