@@ -72,7 +72,7 @@ pub(super) struct Candidate {
 /// Whether a queue family of a device can show images where they are to be shown.
 pub(super) type Presents<'a> = &'a dyn Fn(vk::PhysicalDevice, u32) -> bool;
 
-/// The device named by `wanted` (an index, or a part of a name in any case), else the best one.
+/// The device named by `wanted` (an index, if it is a number, or a part of a name in any case), else the best one.
 pub(super) fn choose(instance: &Instance, wanted: Option<&str>, presents: Presents<'_>) -> Result<Candidate> {
     let mut candidates = list(instance, presents)?;
     let infos: Vec<&DeviceInfo> = candidates.iter().map(|candidate| &candidate.info).collect();
@@ -91,13 +91,14 @@ fn pick(infos: &[&DeviceInfo], wanted: Option<&str>) -> Result<usize> {
     }
     if let Some(wanted) = wanted {
         let named = |info: &DeviceInfo| info.name.to_lowercase().contains(&wanted.to_lowercase());
-        let index = match wanted.parse::<usize>() {
-            Ok(index) if index < infos.len() => Some(index),
-            _ => infos.iter().position(|info| named(info)),
+        let index = match wanted.parse::<i64>() {
+            // No part of a name: those of software devices are full of numbers.
+            Ok(number) => usize::try_from(number).ok().filter(|index| *index < infos.len()),
+            Err(_) => infos.iter().position(|info| named(info)),
         };
         let index = index.ok_or_else(|| {
             let known = list(|info| format!("{} {}", info.index, info.name));
-            Error::NoDevice(format!("no Vulkan device is called {wanted:?}; there are: {known}"))
+            Error::NoDevice(format!("no Vulkan device is called or numbered {wanted:?}; there are: {known}"))
         })?;
         return match &infos[index].usable {
             Ok(()) => Ok(index),
@@ -294,7 +295,7 @@ mod tests {
 
     #[test]
     fn best_kind_that_can_serve_wins() {
-        let cpu = info(0, "llvmpipe", DeviceKind::Cpu, Ok(()));
+        let cpu = info(0, "llvmpipe (LLVM 15.0.6, 256 bits)", DeviceKind::Cpu, Ok(()));
         let old = info(1, "Old Card", DeviceKind::Discrete, Err("speaks Vulkan 1.1.0, not 1.3"));
         let integrated = info(2, "Laptop Graphics", DeviceKind::Integrated, Ok(()));
         let infos = [&cpu, &old, &integrated];
@@ -306,6 +307,11 @@ mod tests {
         assert!(refused.contains("Old Card: speaks Vulkan 1.1.0"), "{refused}");
         let unknown = pick(&infos, Some("voodoo")).unwrap_err().to_string();
         assert!(unknown.contains("voodoo") && unknown.contains("0 llvmpipe"), "{unknown}");
+        assert_eq!(pick(&infos, Some("15.0.6")).unwrap(), 0, "a part of a name");
+        for number in ["3", "5", "256", "-1"] {
+            let unknown = pick(&infos, Some(number)).unwrap_err().to_string();
+            assert!(unknown.contains(&format!("{number:?}; there are: 0 llvmpipe")), "{unknown}");
+        }
     }
 
     #[test]
