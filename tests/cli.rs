@@ -47,6 +47,7 @@ impl Place {
         let image = FloatImage::from_fn(8, 4, |x, _| [x as f32 / 8.0; 3]);
         write_image(&place.path("image.png"), &image, 0.0).unwrap();
         write_image(&place.path("image.pfm"), &image, 0.0).unwrap();
+        write_image(&place.path("upright.png"), &FloatImage::from_fn(4, 8, |_, _| [1.0; 3]), 0.0).unwrap();
         write_image(&place.path("small.png"), &FloatImage::from_fn(4, 4, |_, _| [0.0; 3]), 0.0).unwrap();
         place
     }
@@ -185,7 +186,14 @@ fn bad_input_exits_1_with_one_line_and_leaves_no_file() {
         (&["compare", "absent.png", "image.png"], "absent.png: "),
         (&["compare", "image.png", "text.glb"], "text.glb: not a PNG, JPEG, HDR, EXR or PFM image"),
         (&["compare", "image.png", "small.png"], "images differ in size: 8x4 and 4x4"),
-        (&["compare", "image.png", "image.pfm", "--mask", "small.png"], "mask has 16 pixels"),
+        (
+            &["compare", "image.png", "image.pfm", "--mask", "small.png"],
+            "mask has 4x4 pixels, the images 8x4",
+        ),
+        (
+            &["compare", "image.png", "image.pfm", "--mask", "upright.png"],
+            "mask has 4x8 pixels, the images 8x4",
+        ),
         (&["reference", "absent.glb", "-o", "out.png"], "absent.glb: "),
         (&["reference", "text.glb", "-o", "out.png"], "text.glb: "),
         (&["reference", "text.gltf", "-o", "out.png"], "text.gltf: "),

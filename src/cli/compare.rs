@@ -1,12 +1,12 @@
 //! `vtrace compare`: the difference between two images.
 
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 
 use clap::Args;
 
 use super::terminal;
 use crate::{
-    error::Result,
+    error::{Error, Result},
     report::{Comparison, Encoding, FloatImage, compare, output::to_json},
 };
 
@@ -38,13 +38,29 @@ pub struct CompareArgs {
 pub(super) fn run(args: &CompareArgs) -> Result<()> {
     let reference = FloatImage::read(&args.reference)?;
     let image = FloatImage::read(&args.image)?;
-    let mask = args.mask.as_deref().map(FloatImage::read).transpose()?.map(|mask| mask.to_mask());
+    let mask = args.mask.as_deref().map(|file| mask_of(file, &reference)).transpose()?;
     let encoding = if args.linear { Encoding::Linear } else { Encoding::Srgb };
     let comparison = compare(&reference, &image, mask.as_deref(), encoding)?;
     if args.json {
         return terminal::print(&to_json(&comparison)?);
     }
     terminal::print(&in_words(&comparison))
+}
+
+/// The mask in `file`, of the size of `image`: one of as many pixels in other rows would choose others than it shows.
+fn mask_of(file: &Path, image: &FloatImage) -> Result<Vec<bool>> {
+    let mask = FloatImage::read(file)?;
+    if (mask.width, mask.height) != (image.width, image.height) {
+        return Err(Error::Compare(format!(
+            "--mask {}: the mask has {}x{} pixels, the images {}x{}",
+            file.display(),
+            mask.width,
+            mask.height,
+            image.width,
+            image.height
+        )));
+    }
+    Ok(mask.to_mask())
 }
 
 fn in_words(comparison: &Comparison) -> String {
