@@ -69,6 +69,17 @@ pub enum Error {
     Interrupted,
 }
 
+/// `text` as one line of a terminal: what files bring along, names above all, begins no line of its own and commands
+/// no terminal.
+pub fn one_line(text: &str) -> String {
+    let shown = |c: char| match c {
+        '\n' | '\r' => " ".into(),
+        c if c.is_control() => c.escape_default().to_string(),
+        c => c.to_string(),
+    };
+    text.chars().map(shown).collect()
+}
+
 impl Error {
     /// An [`Error::Io`] for `path`; made to be handed to `map_err`.
     pub fn io(path: impl Into<PathBuf>) -> impl FnOnce(std::io::Error) -> Self {

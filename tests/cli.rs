@@ -227,6 +227,35 @@ fn bad_input_exits_1_with_one_line_and_leaves_no_file() {
     }
 }
 
+/// A triangle in a file that uses an extension of this name, as JSON has it.
+fn triangle_with_extension(name: &str) -> String {
+    let positions = "data:application/octet-stream;base64,AAAAAAAAAAAAAAAAAACAPwAAAAAAAAAAAAAAAAAAgD8AAAAA";
+    format!(
+        r#"{{"asset":{{"version":"2.0"}},"extensionsUsed":["{name}"],"scenes":[{{"nodes":[0]}}],"nodes":[{{"mesh":0}}],
+        "meshes":[{{"primitives":[{{"attributes":{{"POSITION":0}}}}]}}],
+        "accessors":[{{"bufferView":0,"componentType":5126,"type":"VEC3","count":3}}],
+        "bufferViews":[{{"buffer":0,"byteLength":36}}],"buffers":[{{"byteLength":36,"uri":"{positions}"}}]}}"#
+    )
+}
+
+#[test]
+fn names_in_files_forge_no_messages() {
+    let place = Place::new();
+    fs::write(place.path("forged.gltf"), triangle_with_extension(r"A\nerror: forged\u001b[2J")).unwrap();
+    let output = place.run(&["plan", "forged.gltf"]);
+    let stderr = text(&output.stderr);
+    assert_eq!(output.status.code(), Some(0), "{stderr}");
+    assert!(stderr.contains("note: extension A error: forged\\u{1b}[2J is ignored\n"), "{stderr:?}");
+    assert!(stderr.lines().all(|line| line.starts_with("note: ")), "{stderr:?}");
+
+    // The same in an error: the name is that of no object.
+    let output = place.run(&["plan", "forged.gltf", "--vt", "\u{1b}[2J\nnote: forged"]);
+    let stderr = text(&output.stderr);
+    assert_eq!(output.status.code(), Some(1), "{stderr}");
+    let error = stderr.lines().last().unwrap();
+    assert!(error.starts_with("error: --vt \\u{1b}[2J note: forged: "), "{stderr:?}");
+}
+
 #[test]
 fn compare_prints_words_or_json() {
     let place = Place::new();

@@ -15,7 +15,7 @@ use std::{
 use indicatif::{ProgressBar, ProgressStyle};
 
 use crate::{
-    error::{Error, Result},
+    error::{Error, Result, one_line},
     gpu::end_at_once,
     report::output::hold_files,
 };
@@ -54,8 +54,7 @@ pub fn catch<T>(work: impl FnOnce() -> T) -> Option<T> {
 
 /// Writes `error: problem` to stderr, in one line.
 pub fn complain(problem: &dyn Display) {
-    let line = problem.to_string().replace(['\n', '\r'], " ");
-    let _ = writeln!(io::stderr(), "error: {line}");
+    let _ = writeln!(io::stderr(), "error: {}", one_line(&problem.to_string()));
 }
 
 /// Tells that the user stopped the work; once, whether the work itself or the clock is the first to say so.
@@ -64,9 +63,9 @@ pub fn complain_of_interrupt() {
     TOLD.call_once(|| complain(&Error::Interrupted));
 }
 
-/// Writes `note: text` to stderr.
+/// Writes `note: text` to stderr, in one line.
 pub fn note(text: &str) {
-    let _ = writeln!(io::stderr(), "note: {text}");
+    let _ = writeln!(io::stderr(), "note: {}", one_line(text));
 }
 
 /// What work has after a first Ctrl-C to end by itself.

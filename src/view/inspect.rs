@@ -3,6 +3,7 @@
 use glam::{Vec2, Vec3};
 
 use crate::{
+    error::one_line,
     scene::View,
     trace::{
         Appearance, Settings, Surface, Tracer,
@@ -63,8 +64,10 @@ impl Path {
             let indent = " ".repeat(met.bounces as usize * 2 + 2);
             match &met.object {
                 Some(name) => format!(
-                    "{indent}{way} {name}, distance {:.4}, weight {:.3}",
-                    met.distance, met.throughput
+                    "{indent}{way} {}, distance {:.4}, weight {:.3}",
+                    one_line(name),
+                    met.distance,
+                    met.throughput
                 ),
                 None => format!("{indent}{way} the background, weight {:.3}", met.throughput),
             }
@@ -157,6 +160,13 @@ mod tests {
         assert_eq!((path.met[0].kind, path.met[0].bounces), (None, 0));
         assert_eq!((path.met[1].kind, path.met[1].bounces), (Some(BranchKind::Reflect), 1));
         assert_eq!(path.segments.len(), path.met.len());
+        let mut forged = path.clone();
+        forged.met[0].object = Some("cup\nerror: \u{1b}[2J".into());
+        assert!(
+            forged.lines()[1].starts_with("  sees cup error: \\u{1b}[2J, distance "),
+            "{:?}",
+            forged.lines()
+        );
         assert!((path.segments[1].from - path.segments[0].to).length() < 1e-3, "the path hangs together");
         let off = mask.iter().position(|&vt| !vt).expect("not all is mirror") as u32;
         assert_eq!(follow(&tracer, &settings, &view, (off % 64, off / 64)).met.len(), 1);

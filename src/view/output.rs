@@ -7,7 +7,7 @@ use std::{
 
 use super::exchange::Pixels;
 use crate::{
-    error::{Error, Result},
+    error::{Error, Result, one_line},
     report::{FloatImage, image::srgb_decode, output::write_image},
 };
 
@@ -21,7 +21,7 @@ pub fn tell(text: &str) {
 
 /// Writes an error that does not end the program to standard error.
 pub fn complain(error: &Error) {
-    let _ = writeln!(std::io::stderr(), "error: {}", error.to_string().replace(['\n', '\r'], " "));
+    let _ = writeln!(std::io::stderr(), "error: {}", one_line(&error.to_string()));
 }
 
 /// A file in the current folder that is not there yet.
