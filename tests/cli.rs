@@ -98,6 +98,13 @@ fn wrong_usage_exits_2() {
         (&["render", "s.glb", "--preview", "--max-samples", "5"], "cannot be used with"),
         (&["render", "s.glb", "--mode", "raytrace"], "[possible values: multi-texture, multi-pass]"),
         (&["reference", "s.glb", "-o", "x.png", "--vt", "cup", "--no-vt", "cup"], "contradict each other"),
+        (&["reference", "s.glb", "-o", "x.png", "--eye", "1,2,3", "--target", "1,2,3"], "the same point"),
+        (&["render", "s.glb", "--eye", "1,2,3", "--target", "1,2.0,3"], "the same point"),
+        (&["plan", "s.glb", "--eye", "0,0,0", "--target", "-0,0,0"], "the same point"),
+        #[cfg(feature = "bench")]
+        (&["bench", "s.glb", "--out", "out", "--eye", "1,2,3", "--target", "1,2,3"], "the same point"),
+        #[cfg(feature = "bench")]
+        (&["stability", "--only", "nosuch"], "--only nosuch: no such case; there are "),
     ];
     for (arguments, expected) in table {
         let output = run(arguments);

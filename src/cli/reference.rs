@@ -68,6 +68,7 @@ impl ReferenceArgs {
         };
         let distinct = self.out.check_distinct(&[("--output", Some(&self.output))]);
         distinct
+            .and_then(|()| options.view.check())
             .and_then(|()| options.scene.check())
             .map_err(|problem| Failure::conflict("reference", problem))?;
         Ok(options)

@@ -38,13 +38,13 @@ pub struct StabilityArgs {
 }
 
 pub(super) fn run(args: &StabilityArgs) -> Result<(), Failure> {
-    args.threads.apply()?;
     let table = cases::all();
     if !table.iter().any(|case| case.name.contains(&args.only)) {
         let known: Vec<&str> = table.iter().map(|case| case.name).collect();
         let problem = format!("--only {}: no such case; there are {}", args.only, known.join(", "));
-        return Err(Error::Option(problem).into());
+        return Err(Failure::conflict("stability", problem));
     }
+    args.threads.apply()?;
     if let Some(folder) = &args.out {
         std::fs::create_dir_all(folder).map_err(Error::io(folder))?;
     }

@@ -195,6 +195,7 @@ impl Options {
                 "--preview takes no refinement step, so --max-samples and --budget do not apply".into()
             );
         }
+        self.view.check()?;
         self.scene.check()
     }
 }

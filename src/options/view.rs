@@ -48,7 +48,22 @@ impl Default for ViewOptions {
     }
 }
 
+const NOTHING_TO_LOOK_AT: &str = "--eye and --target are the same point: nothing to look at";
+
 impl ViewOptions {
+    /// Checks what needs no scene to be known.
+    ///
+    /// # Errors
+    /// What is wrong, in terms of the command line.
+    pub fn check(&self) -> Result<(), String> {
+        match self.camera {
+            CameraChoice::Eye { eye, target: Some(target) } if eye == target => {
+                Err(NOTHING_TO_LOOK_AT.into())
+            }
+            _ => Ok(()),
+        }
+    }
+
     /// The view of `scene` that these options mean.
     ///
     /// # Errors
@@ -66,9 +81,8 @@ impl ViewOptions {
                 let target =
                     target.map_or((bounds.0 + bounds.1) * 0.5, |point| relative(point, scene.origin));
                 if eye == target {
-                    return Err(Error::Option(
-                        "--eye and --target are the same point: nothing to look at".into(),
-                    ));
+                    // Points that differ may be one when rounded, far from the scene.
+                    return Err(Error::Option(NOTHING_TO_LOOK_AT.into()));
                 }
                 Camera::look_at(eye, target, DEFAULT_FOV.to_radians())
             }
