@@ -96,6 +96,7 @@ fn wrong_usage_exits_2() {
             "cannot be used with --visibility",
         ),
         (&["render", "s.glb", "--preview", "--max-samples", "5"], "cannot be used with"),
+        (&["render", "s.glb", "--shaft-guard", "maybe"], "[possible values: on, off]"),
         (&["render", "s.glb", "--mode", "raytrace"], "[possible values: multi-texture, multi-pass]"),
         (&["reference", "s.glb", "-o", "x.png", "--vt", "cup", "--no-vt", "cup"], "contradict each other"),
         (&["reference", "s.glb", "-o", "x.png", "--eye", "1,2,3", "--target", "1,2,3"], "the same point"),
@@ -154,6 +155,9 @@ fn help_and_version_are_results() {
         assert_eq!(output.status.code(), Some(0), "{arguments:?}");
         assert!(!output.stdout.is_empty() && output.stderr.is_empty(), "{arguments:?}");
     }
+    let help = run(&["render", "-h"]).stdout;
+    let line = text(&help).split("--shaft-guard").nth(1).unwrap().split("--").next().unwrap();
+    assert!(line.contains("on, off") && !line.contains("true"), "{line}");
 }
 
 #[test]

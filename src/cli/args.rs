@@ -3,7 +3,7 @@
 
 use std::{path::PathBuf, time::Duration};
 
-use clap::{ArgAction, Args, builder::BoolishValueParser, value_parser};
+use clap::{ArgAction, Args, value_parser};
 use glam::{DVec3, Vec3};
 
 use super::values::{self, Size};
@@ -116,8 +116,8 @@ pub struct EffortArgs {
     /// Take no longer than this for the frame
     #[arg(long, value_name = "MS", value_parser = value_parser!(u32).range(1..))]
     pub budget: Option<u32>,
-    /// Refine where something stands between samples that agree, on or off
-    #[arg(long, value_name = "on|off", default_value = "on", action = ArgAction::Set, value_parser = BoolishValueParser::new())]
+    /// Refine where something stands between samples that agree
+    #[arg(long, default_value = "on", action = ArgAction::Set, value_parser = values::on_off())]
     pub shaft_guard: bool,
 }
 

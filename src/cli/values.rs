@@ -92,6 +92,11 @@ pub fn choice<T: Choice + Send + Sync>() -> impl TypedValueParser<Value = T> {
     })
 }
 
+/// `on` or `off`; clap's own parsers of booleans take other words and list none of these.
+pub fn on_off() -> impl TypedValueParser<Value = bool> {
+    PossibleValuesParser::new(["on", "off"]).map(|given| given == "on")
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;
