@@ -41,7 +41,7 @@ pub enum Projection {
 }
 
 impl Camera {
-    /// A perspective camera at `eye` that looks at `target` with +y up (or +x, where it looks along y).
+    /// A perspective camera at `eye` that looks at `target` with +y up (or -z, where it looks along y).
     pub fn look_at(eye: Vec3, target: Vec3, yfov: f32) -> Self {
         let forward = (target - eye).normalize_or(Vec3::NEG_Z);
         let pole = if forward.y.abs() > 0.9999 { Vec3::NEG_Z } else { Vec3::Y };
