@@ -204,7 +204,7 @@ fn the_printed_line_renders_what_the_window_shows() {
         let script = format!(
             "key o\nwait-frame\norbit 60 -25\npan 20 10\nzoom 2\n{keys}\nwait-full\nscreenshot seen.png\nkey c"
         );
-        let line = display.view(&["cup.glb", "--size", "200x150"], &script);
+        let line = display.view(&["cup.glb", "--size", "200x150", "--exposure=-0.5"], &script);
         display.run(line.trim());
         let image = display.image("seen.png");
         assert_eq!(image, display.image("picture.png"), "{line}");

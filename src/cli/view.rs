@@ -97,7 +97,7 @@ mod tests {
     use super::*;
     use crate::{
         cli::render::RenderArgs,
-        options::{CameraChoice, Equation, Msaa, Reconstruction, Shadows, Ss, VisibilityWay},
+        options::{CameraChoice, Equation, Msaa, PixelSamples, Reconstruction, Shadows, Ss, VisibilityWay},
         view::command::render_line,
     };
 
@@ -126,9 +126,18 @@ mod tests {
         (options.scene.shadows, options.scene.fresnel) = (Shadows::None, true);
         options.scene.background = Some(Vec3::new(0.1, 0.2, 0.3));
         options.scene.vt.force = vec!["cup".into()];
+        options.method.pixel_samples = PixelSamples::Sixteen;
+        let budgets = &mut options.scene;
+        (budgets.max_triangles, budgets.max_texture_bytes, budgets.max_nodes) = (Some(5), Some(6), Some(7));
         options.show = Some(Show::Ids);
-        let line = render_line(Path::new("s.glb"), &options);
-        let Command::Render(parsed) = Program::try_parse_from(line.split(' ')).unwrap().command;
-        assert_eq!(parsed.options().unwrap(), options, "{line}");
+        for exposure in [-0.3, 0.0, 1.5] {
+            let line = render_line(Path::new("s.glb"), &options, exposure);
+            let Command::Render(parsed) = Program::try_parse_from(line.split(' ')).unwrap().command;
+            assert_eq!(
+                (parsed.options().unwrap(), parsed.out.exposure),
+                (options.clone(), exposure),
+                "{line}"
+            );
+        }
     }
 }

@@ -6,8 +6,8 @@ use glam::{DVec3, Vec3};
 
 use crate::options::{CameraChoice, Choice, Options};
 
-/// The line for `scene` under `options`, for a POSIX shell. Options at their defaults are left out.
-pub fn render_line(scene: &Path, options: &Options) -> String {
+/// The line for `scene` under `options`, at `exposure` stops, for a POSIX shell. Options at their defaults are left out.
+pub fn render_line(scene: &Path, options: &Options, exposure: f32) -> String {
     let mut line = Line(vec!["vtrace".into(), "render".into(), quoted(&scene.to_string_lossy())]);
     let default = Options::default();
     let Options { view, method, effort, paths, scene, device, show, everything } = options;
@@ -55,6 +55,8 @@ pub fn render_line(scene: &Path, options: &Options) -> String {
     line.given("--environment", scene.environment.as_ref().map(|file| file.to_string_lossy().into_owned()));
     line.given("--max-triangles", scene.max_triangles.map(|n| n.to_string()));
     line.given("--max-texture-bytes", scene.max_texture_bytes.map(|n| n.to_string()));
+    line.given("--max-nodes", scene.max_nodes.map(|n| n.to_string()));
+    line.changed("--exposure", exposure, 0.0);
     line.given("--show", show.map(|show| show.to_string()));
     line.flag("--everything", *everything);
     line.given("--device", device.clone());
@@ -126,10 +128,10 @@ mod tests {
 
     #[test]
     fn defaults_are_left_out() {
-        let line = render_line(Path::new("a b.glb"), &Options::default());
+        let line = render_line(Path::new("a b.glb"), &Options::default(), 0.0);
         assert_eq!(line, "vtrace render 'a b.glb' -o picture.png --size 1280x1024");
         let mut options = Options::default();
         options.view.camera = CameraChoice::Eye { eye: DVec3::new(-1.0, 0.1, 2.0), target: None };
-        assert!(render_line(Path::new("s.glb"), &options).ends_with("--eye=-1,0.1,2"));
+        assert!(render_line(Path::new("s.glb"), &options, 0.0).ends_with("--eye=-1,0.1,2"));
     }
 }

@@ -252,7 +252,7 @@ impl Viewer {
 
     /// The view as a command line; what it cannot say is noted after it.
     pub fn command_line(&self) -> String {
-        let line = render_line(&self.source.0, &self.asked.options);
+        let line = render_line(&self.source.0, &self.asked.options, self.exposure);
         let moved = if self.asked.lights.is_some() { "  # but for the lights that were moved" } else { "" };
         format!("{line}{moved}")
     }
