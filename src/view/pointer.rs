@@ -1,6 +1,7 @@
 //! The mouse: drags that turn, pan, and move the light or the divider, and clicks.
 
 use super::viewer::{Button, Viewer};
+use crate::scene::View;
 
 /// A press that moves less than this many pixels is a click.
 pub const CLICK: f64 = 4.0;
@@ -70,7 +71,10 @@ impl Viewer {
             Drag::Look => self.fly(|orbit, height| orbit.look(dx, dy, height)),
             Drag::Light => {
                 if let (Some(facts), Some(picture)) = (&self.facts, &self.picture) {
-                    self.asked.drag_light(&facts.lights, &picture.view, dx as f32, dy as f32);
+                    // The pointer moves over pixels of the window; a moving picture may have fewer.
+                    let (width, height) = self.size;
+                    let view = View { width, height, ..picture.view };
+                    self.asked.drag_light(&facts.lights, &view, dx as f32, dy as f32);
                     self.reference = None;
                     self.moves();
                 }
@@ -80,5 +84,81 @@ impl Viewer {
                 self.stale = true;
             }
         }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use std::{sync::Arc, time::Duration};
+
+    use glam::{DVec3, Vec2, Vec3};
+
+    use super::*;
+    use crate::{
+        options::{Options, ViewOptions},
+        scene::{Light, LightKind, demo::Demo},
+        view::{
+            Request,
+            exchange::{Facts, Picture, Pixels, Update},
+            viewer::Input,
+        },
+    };
+
+    #[test]
+    fn a_light_keeps_to_the_pointer_while_the_picture_is_coarse() {
+        let scene = Demo::Cup.scene();
+        let options = Options::default();
+        let size = (options.view.width, options.view.height);
+        let view = options.view.resolve(&scene).unwrap();
+        let (width, height) = (size.0 / 4, size.1 / 4);
+        let coarse = ViewOptions { width, height, ..options.view.clone() }.resolve(&scene).unwrap();
+        let light = Light {
+            name: "lamp".into(),
+            kind: LightKind::Point { position: view.eye + view.forward * 3.0, range: f32::INFINITY },
+            intensity: Vec3::ONE,
+        };
+        let request = Request {
+            scene: "cup.glb".into(),
+            options,
+            budget: Duration::from_millis(33),
+            coarse: None,
+            exposure: 0.0,
+            script: None,
+        };
+        let mut viewer = Viewer::new(&request, Arc::default());
+        let facts = Facts {
+            bounds: scene.bounds(),
+            focus: Vec3::ZERO,
+            origin: DVec3::ZERO,
+            cameras: Vec::new(),
+            lights: vec![light],
+            beside: Vec::new(),
+        };
+        let picture = Picture {
+            serial: 1,
+            pixels: Pixels::default(),
+            view: coarse,
+            progress: (0, 0, 0.0),
+            stats: None,
+            complete: false,
+        };
+        for update in [Update::Scene(Box::new(facts)), Update::Picture(Box::new(picture))] {
+            viewer.update(update).unwrap();
+        }
+        let (x, y) = (f64::from(size.0) / 2.0, f64::from(size.1) / 2.0);
+        for input in [
+            Input::Pointer(x, y),
+            Input::Held { shift: false, ctrl: true },
+            Input::Press(Button::Left),
+            Input::Pointer(x + 60.0, y - 20.0),
+        ] {
+            viewer.input(input);
+        }
+        let LightKind::Point { position, .. } = viewer.asked.lights.as_ref().unwrap()[0].kind else {
+            panic!()
+        };
+        let (pixel, _) = view.project(position).unwrap();
+        let pointer = Vec2::new(viewer.pointer.0 as f32, viewer.pointer.1 as f32);
+        assert!((pixel - pointer).length() < 0.01, "the light is at {pixel}, the pointer at {pointer}");
     }
 }
