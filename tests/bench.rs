@@ -461,6 +461,31 @@ fn a_small_ladder_is_measured() {
     assert_eq!(messages.errors(), Vec::<String>::new());
 }
 
+#[test]
+fn the_reference_drops_the_branches_that_are_asked_for() {
+    let gpu = Gpu::new(&vertex_tracing::gpu::Options { validation: true, ..Default::default() })
+        .unwrap_or_else(|error| panic!("the tests need a Vulkan device and the validation layer: {error}"));
+    let folder = tempfile::tempdir().unwrap();
+    let mut ladder = Ladder {
+        samples: Vec::new(),
+        antialiasings: vec![Antialiasing::None],
+        reconstructions: vec![Reconstruction::Exact],
+        rates: vec!["1/4".parse().unwrap()],
+        repeats: 1,
+        reference_spp: 64,
+        ..Ladder::default()
+    };
+    (ladder.options.view.width, ladder.options.view.height) = (32, 24);
+    let [all, strong] = [None, Some(1.0)].map(|least| {
+        ladder.min_throughput = least;
+        let measured =
+            measure(&gpu, &Demo::Sphere.scene(), &ladder, Some(folder.path()), &Arc::default(), &());
+        measured.unwrap().pictures.swap_remove(0).image
+    });
+    assert_ne!(all, strong, "nothing reflects all");
+    assert_eq!(fs::read_dir(folder.path()).unwrap().count(), 2, "each is kept by itself");
+}
+
 fn vt_errors(bench: &Bench) -> Vec<f64> {
     bench.points.iter().map(|point| point.vt.unwrap().rmse).collect()
 }

@@ -310,6 +310,26 @@ fn reference_writes_image_and_stats() {
 }
 
 #[test]
+fn what_branches_must_carry_is_as_asked_for_whatever_the_samples() {
+    let place = Place::new();
+    let reference = |arguments: &[&str]| {
+        let common = ["reference", "scene.glb", "-o", "out.pfm", "--size", "40x30", "--stats", "-"];
+        let output = place.run(&[&common[..], arguments].concat());
+        assert_eq!(output.status.code(), Some(0), "{}", text(&output.stderr));
+        let stats: serde_json::Value = serde_json::from_slice(&output.stdout).unwrap();
+        (stats["options"]["min_throughput"].as_f64().unwrap(), stats["rays"]["reflected"].as_u64().unwrap())
+    };
+    let usual = reference(&[]);
+    assert!((usual.0 - 1.0 / 255.0).abs() < 1e-6 && usual.1 > 0, "{usual:?}");
+    let many = reference(&["--spp", "64"]);
+    assert!(many.0 == 0.0 && many.1 > 0, "{many:?}");
+    // Nothing reflects all.
+    assert_eq!(reference(&["--min-throughput", "1"]), (1.0, 0));
+    assert_eq!(reference(&["--spp", "64", "--min-throughput", "1"]), (1.0, 0));
+    assert_eq!(reference(&["--spp", "64", "--packets", "--min-throughput", "1"]), (1.0, 0));
+}
+
+#[test]
 fn render_writes_image_and_stats() {
     let place = Place::new();
     let output = place.run(&["render", "scene.glb", "--size", "320x240", "-o", "out.pfm", "--stats", "-"]);

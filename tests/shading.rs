@@ -622,7 +622,7 @@ fn the_reference_shows_the_same_in_packets() {
     let tracer = Tracer::new(&scene);
     for (count, only) in [(1, None), (3, Some(mask.as_slice())), (16, None)] {
         let alone = render(&scene, &view, count, only);
-        let samples = Samples { count, following: Following::Together };
+        let samples = Samples { following: Following::Together, ..Samples::from(count) };
         let together = reference::render(
             &tracer,
             &view,

@@ -117,6 +117,7 @@ impl BenchArgs {
             outside: self.compare.clone(),
             repeats: self.repeats.into(),
             reference_spp: self.reference_spp,
+            min_throughput: self.paths.min_throughput,
         })
     }
 }

@@ -76,7 +76,7 @@ impl ReferenceArgs {
 }
 
 pub(super) fn run(args: &ReferenceArgs) -> Result<(), Failure> {
-    let options = args.options()?;
+    let mut options = args.options()?;
     args.threads.apply()?;
     args.out.check(Some(&args.output))?;
 
@@ -93,11 +93,12 @@ pub(super) fn run(args: &ReferenceArgs) -> Result<(), Failure> {
     }
     let bvh = milliseconds(start);
 
-    let settings = Settings::new(&options.paths, &options.scene);
+    let following = if options.packets { Following::Together } else { Following::Alone };
+    let samples = Samples { count: options.spp, following, min_throughput: args.paths.min_throughput };
+    let settings = samples.settings(&Settings::new(&options.paths, &options.scene));
+    options.paths.min_throughput = settings.min_throughput;
     let interrupt = terminal::interrupt();
     let bar = terminal::Progress::new("tracing");
-    let following = if options.packets { Following::Together } else { Following::Alone };
-    let samples = Samples { count: options.spp, following };
     let traced =
         reference::render(&tracer, &view, &settings, samples, None, &interrupt, &|share| bar.set(share))?;
     drop(bar);

@@ -20,7 +20,7 @@ const TILE: u32 = 16;
 /// Samples that are followed together, but for those of a last pixel.
 const MOST_TOGETHER: usize = 4096;
 
-/// From this many samples a pixel on, no branch is dropped for its throughput (design §2).
+/// From this many samples a pixel on, no branch is dropped for its throughput (design §2), unless that is asked for.
 const EXACT_SPP: u32 = 64;
 
 /// How the conventional tracer follows rays. Its pictures are the same to within rounding.
@@ -35,18 +35,29 @@ pub enum Following {
 }
 
 /// Samples of each pixel.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+#[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Samples {
     /// How many, at least 1.
     pub count: u32,
     /// How their rays are followed.
     pub following: Following,
+    /// Branches with a largest throughput below this are dropped, 0 to 1; `None`: none of 64 and more samples, else those
+    /// that [`Settings::min_throughput`] says.
+    pub min_throughput: Option<f32>,
+}
+
+impl Samples {
+    /// `settings` as they are for these samples.
+    pub fn settings(self, settings: &Settings) -> Settings {
+        let usual = if self.count >= EXACT_SPP { 0.0 } else { settings.min_throughput };
+        Settings { min_throughput: self.min_throughput.unwrap_or(usual), ..*settings }
+    }
 }
 
 impl From<u32> for Samples {
     /// As many, followed alone.
     fn from(count: u32) -> Self {
-        Self { count, following: Following::Alone }
+        Self { count, following: Following::Alone, min_throughput: None }
     }
 }
 
@@ -81,12 +92,10 @@ pub fn render(
     progress: &(dyn Fn(f32) + Sync),
 ) -> Result<Reference> {
     let start = Instant::now();
-    let Samples { count: spp, following } = samples.into();
+    let samples = samples.into();
+    let Samples { count: spp, following, .. } = samples;
     let pattern = sample_pattern(spp.max(1));
-    let mut settings = *settings;
-    if spp >= EXACT_SPP {
-        settings.min_throughput = 0.0;
-    }
+    let settings = samples.settings(settings);
     let wanted = |pixel: usize| only.is_none_or(|only| only[pixel]);
     let mut image = vec![[0.0; 3]; view.pixels()];
     let mut centres = vec![false; view.pixels()];

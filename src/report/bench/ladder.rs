@@ -27,6 +27,9 @@ pub struct Ladder {
     pub repeats: usize,
     /// Samples a pixel of the image that errors are against.
     pub reference_spp: u32,
+    /// What is asked for of the tracer's branches, however many samples; see
+    /// [`Samples::min_throughput`](crate::trace::reference::Samples::min_throughput).
+    pub min_throughput: Option<f32>,
 }
 
 impl Default for Ladder {
@@ -40,6 +43,7 @@ impl Default for Ladder {
             outside: Vec::new(),
             repeats: 5,
             reference_spp: 64,
+            min_throughput: None,
         }
     }
 }

@@ -248,7 +248,7 @@ impl Case<'_> {
         };
         let work = || -> Result<Timed<()>> {
             let Some(effort) = effort else {
-                let samples = Samples { count: 1, following: Following::Together };
+                let samples = Samples { following: Following::Together, ..Samples::from(1) };
                 let traced = reference::render(tracer, view, settings, samples, None, interrupt, &|_| {})?;
                 return Ok((traced.time_ms, ()));
             };

@@ -43,6 +43,7 @@ pub struct Studio<'s> {
     pub settings: Settings,
     /// Per pixel whether its centre shows a specular VT object first.
     pub vt_mask: Vec<bool>,
+    min_throughput: Option<f32>,
     tracer: Tracer<'s>,
     frames: Vec<(Reconstruction, Antialiasing, Renderer<'s>)>,
     /// Frames that trace nothing, by their samples a pixel.
@@ -100,6 +101,7 @@ impl<'s> Studio<'s> {
         Ok(Self {
             vt_mask: reference::vt_mask(&tracer, &view),
             settings: Settings::new(&ladder.options.paths, &ladder.options.scene),
+            min_throughput: ladder.min_throughput,
             scene,
             view,
             tracer,
@@ -154,6 +156,11 @@ impl<'s> Studio<'s> {
         renderer.render(&self.view)
     }
 
+    /// So many samples a pixel of the tracer's, under what the ladder says of branches.
+    pub fn samples(&self, count: u32, following: Following) -> Samples {
+        Samples { count, following, min_throughput: self.min_throughput }
+    }
+
     /// The tracer's image, rays followed alone or together, of all pixels or of those that `only` marks on the coarse image of `rate`.
     ///
     /// # Errors
@@ -170,7 +177,7 @@ impl<'s> Studio<'s> {
             &self.tracer,
             &view,
             &self.settings,
-            Samples { count: rate.spp, following },
+            self.samples(rate.spp, following),
             only,
             &self.interrupt,
             progress,

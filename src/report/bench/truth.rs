@@ -24,7 +24,8 @@ pub fn image(studio: &Studio, spp: u32, cache: Option<&Path>, observer: &dyn Obs
     };
     let Some(cache) = cache else { return trace() };
     let probe = studio.trace(Rate { spp: 1, side: 4 }, Following::Alone, None, &|_| {})?.image;
-    let hash = fingerprint::of(studio.scene, &studio.view, &studio.settings, spp, &probe);
+    let settings = studio.samples(spp, Following::Alone).settings(&studio.settings);
+    let hash = fingerprint::of(studio.scene, &studio.view, &settings, spp, &probe);
     let path = cache.join(format!("reference_{hash:016x}.pfm"));
     let fits = |image: &FloatImage| (image.width, image.height) == (studio.view.width, studio.view.height);
     if let Some(image) = FloatImage::read(&path).ok().filter(fits) {
