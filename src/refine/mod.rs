@@ -42,7 +42,7 @@ pub const STOP_SIZE: f32 = 24.0;
 const TRACED_SHARE: f32 = 0.35;
 
 /// The same for faces that are not specular: where shadows' borders run is found by bisecting them.
-pub const RECEIVER_STOP_SIZE: f32 = 8.0;
+pub const RECEIVER_STOP_SIZE: f32 = 16.0;
 
 /// The same where samples are counted and few: more of a small face's pixels are defined by its halves.
 pub const SPARING_STOP_SIZE: f32 = 4.0;

@@ -91,8 +91,10 @@ pub fn trace(
             faces.iter().for_each(|&face| pass.find(face, &mut chunk));
             chunk
         });
-        let mut unknown = Vec::new();
-        for chunk in chunks.collect::<Vec<_>>() {
+        let chunks: Vec<Chunk> = chunks.collect();
+        all.reserve(chunks.iter().map(|chunk| chunk.pixels.len()).sum());
+        let mut unknown = Vec::with_capacity(chunks.iter().map(|chunk| chunk.unknown.len()).sum());
+        for chunk in chunks {
             let before = all.len() as u32;
             unknown.extend(chunk.unknown.iter().map(|point| Point { pixel: point.pixel + before, ..*point }));
             all.extend(chunk.pixels);
