@@ -291,19 +291,21 @@ impl<'s> Renderer<'s> {
                 };
                 let plan = &self.plan;
                 let found = finder.find(view, || painter.draw_base(&block))?;
-                let mut draw_step =
-                    |leaves: &Drawn, refiner: &Refiner, pixel_rays: Rays, after: &mut Option<Observer>| {
-                        let Some(after) = after else { return Ok(()) };
-                        painter.upload(leaves)?;
-                        painter.draw(&block, Some(leaves), &plan.passes_for(leaves.components()).0)?;
-                        after(&Step {
-                            number: refiner.steps,
-                            samples: refiner.samples.sampled(),
-                            secondary_rays: refiner.samples.rays.secondary() + pixel_rays.total(),
-                            predicted_error: refiner.predicted().0,
-                            image: painter.read_image()?,
-                        })
-                    };
+                let mut draw_step = |leaves: &mut Drawn,
+                                     refiner: &Refiner,
+                                     pixel_rays: Rays,
+                                     after: &mut Option<Observer>| {
+                    let Some(after) = after else { return Ok(()) };
+                    painter.upload(leaves)?;
+                    painter.draw(&block, Some(leaves), &plan.passes_for(leaves.components()).0)?;
+                    after(&Step {
+                        number: refiner.steps,
+                        samples: refiner.samples.sampled(),
+                        secondary_rays: refiner.samples.rays.secondary() + pixel_rays.total(),
+                        predicted_error: refiner.predicted().0,
+                        image: painter.read_image()?,
+                    })
+                };
                 let job = Job {
                     topology: &plan.topology,
                     matcher: &matcher,
@@ -319,7 +321,7 @@ impl<'s> Renderer<'s> {
                     most_direct: if self.warming_up { WARM_UP_DIRECT } else { u64::MAX },
                 };
                 let observed = after_step.is_some();
-                let mut observe = |leaves: &Drawn, refiner: &Refiner, rays: Rays| {
+                let mut observe = |leaves: &mut Drawn, refiner: &Refiner, rays: Rays| {
                     draw_step(leaves, refiner, rays, &mut after_step)
                 };
                 let store = self.samples.as_mut();
@@ -338,7 +340,6 @@ impl<'s> Renderer<'s> {
         if let Some(leaves) = &mut leaves {
             painter.upload(leaves)?;
             components = leaves.components();
-            leaves.free_buffers();
         }
         stats.time_ms.upload = ms(time);
         let time = Instant::now();

@@ -63,7 +63,7 @@ pub(super) struct Sampled {
 }
 
 /// What is shown the leaves after every step.
-pub(super) type LeafObserver<'o> = &'o mut dyn FnMut(&Drawn, &Refiner, Rays) -> Result<()>;
+pub(super) type LeafObserver<'o> = &'o mut dyn FnMut(&mut Drawn, &Refiner, Rays) -> Result<()>;
 
 impl Job<'_> {
     /// Visibility, tracing and refinement: from the view to the leaves that are drawn.
@@ -148,7 +148,7 @@ impl Job<'_> {
             if traced_before.is_some() {
                 kept_rays += rays;
             }
-            after_step(&with(pixels, refiner), refiner, rays + direct_rays)?;
+            after_step(&mut with(pixels, refiner), refiner, rays + direct_rays)?;
             seen = Some((Instant::now(), started.elapsed()));
             Ok(())
         };

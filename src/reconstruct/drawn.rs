@@ -1,5 +1,7 @@
 //! What a frame draws of leaves, whichever way they are reconstructed.
 
+use std::mem;
+
 use super::leaves::{Group, Leaves};
 use super::paper::PaperLeaves;
 
@@ -13,29 +15,39 @@ pub enum Drawn {
 }
 
 impl Drawn {
-    /// Vertices, leaf records and node table as the shaders read them, each in parts that follow one another.
-    pub fn buffers(&self) -> [Vec<&[u8]>; 3] {
-        use bytemuck::cast_slice;
+    /// Bytes of the buffers that [`hand_over`](Self::hand_over) fills.
+    pub fn bytes(&self) -> [u64; 3] {
         match self {
-            Self::Exact(leaves) => [
-                vec![cast_slice(&leaves.vertices)],
-                vec![cast_slice(&leaves.leaves)],
-                leaves.nodes.iter().map(|part| cast_slice(part)).collect(),
-            ],
-            Self::Paper(leaves) => {
-                [vec![cast_slice(&leaves.vertices)], vec![cast_slice(&leaves.leaves)], Vec::new()]
+            Self::Exact(Leaves { vertices, leaves, nodes, .. }) => {
+                let nodes: usize = nodes.iter().map(|part| size_of_val(part.as_slice())).sum();
+                [size_of_val(vertices.as_slice()), size_of_val(leaves.as_slice()), nodes]
+            }
+            Self::Paper(PaperLeaves { vertices, leaves, .. }) => {
+                [size_of_val(vertices.as_slice()), size_of_val(leaves.as_slice()), 0]
             }
         }
+        .map(|bytes| bytes as u64)
     }
 
-    /// Frees what [`buffers`](Self::buffers) gives, once the device has it and [`components`](Self::components) were asked for:
-    /// groups and numbers stay.
-    pub fn free_buffers(&mut self) {
+    /// Hands on what the shaders read, vertices (buffer 0), leaf records (1) and node table (2), in parts that follow one
+    /// another. Each is freed once it is handed on, for there may be as much of them as of all else: groups and numbers stay.
+    ///
+    /// # Errors
+    /// Whatever `take` returns.
+    pub fn hand_over<E>(&mut self, mut take: impl FnMut(usize, &[u8]) -> Result<(), E>) -> Result<(), E> {
+        use bytemuck::cast_slice;
         match self {
-            Self::Exact(leaves) => {
-                (leaves.vertices, leaves.leaves, leaves.nodes) = Default::default();
+            Self::Exact(Leaves { vertices, leaves, nodes, .. }) => {
+                for part in mem::take(nodes) {
+                    take(2, cast_slice(&part))?;
+                }
+                take(0, cast_slice(&mem::take(vertices)))?;
+                take(1, cast_slice(&mem::take(leaves)))
             }
-            Self::Paper(leaves) => (leaves.vertices, leaves.leaves) = Default::default(),
+            Self::Paper(PaperLeaves { vertices, leaves, .. }) => {
+                take(0, cast_slice(&mem::take(vertices)))?;
+                take(1, cast_slice(&mem::take(leaves)))
+            }
         }
     }
 
@@ -69,7 +81,7 @@ impl Drawn {
     pub fn components(&self) -> u32 {
         match self {
             Self::Exact(leaves) => leaves.components(),
-            Self::Paper(leaves) => leaves.components(),
+            Self::Paper(leaves) => leaves.components,
         }
     }
 }

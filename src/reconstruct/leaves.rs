@@ -184,6 +184,15 @@ pub fn assemble(
     let mut result = Leaves { vertices, ..Leaves::default() };
     let mut groups: BTreeMap<Group, Vec<GpuLeaf>> = BTreeMap::new();
     let mut first = 0;
+    // The largest part comes first, so that it is handed over and gone before the device has copies of the others.
+    if let Some(around) = picture {
+        let texels = blocks::picture(view, around, direct);
+        let halves = [[0, 1, 2], [0, 2, 3]].map(|corners| corners.map(|corner| count as u32 + corner));
+        let leaf = |vertices| GpuLeaf { vertices, flags: LEAF_TRACED, ..GpuLeaf::zeroed() };
+        groups.entry(Group::traced(true)).or_default().extend(halves.map(leaf));
+        first = texels.len() as u32;
+        result.nodes.push(texels);
+    }
     for piece in pieces {
         for (group, leaf) in piece.leaves {
             groups.entry(group).or_default().push(GpuLeaf { nodes: leaf.nodes + first, ..leaf });
@@ -194,13 +203,6 @@ pub fn assemble(
         result.undefined += piece.undefined;
         result.overflow += piece.overflow;
         result.combined = [0, 1].map(|branch| result.combined[branch] || piece.combined[branch]);
-    }
-    if let Some(around) = picture {
-        let nodes = first;
-        result.nodes.push(blocks::picture(view, around, direct));
-        let halves = [[0, 1, 2], [0, 2, 3]].map(|corners| corners.map(|corner| count as u32 + corner));
-        let leaf = |vertices| GpuLeaf { vertices, flags: LEAF_TRACED, nodes, ..GpuLeaf::zeroed() };
-        groups.entry(Group::traced(true)).or_default().extend(halves.map(leaf));
     }
     result.groups = groups.iter().map(|(&group, leaves)| (group, leaves.len() as u32)).collect();
     result.leaves = groups.into_values().flatten().collect();

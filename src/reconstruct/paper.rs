@@ -74,22 +74,20 @@ pub struct PaperLeaves {
     pub defined: u32,
     /// Other leaves of specular objects (Fig. 6).
     pub undefined: u32,
+    /// Components of Eq. 3 that are not zero everywhere, as bits of `COMPONENT_…`.
+    pub components: u32,
 }
 
-impl PaperLeaves {
-    /// Components of Eq. 3 that are not zero everywhere, as bits of `COMPONENT_…`.
-    pub fn components(&self) -> u32 {
-        let any = |value: fn(&PaperVertex, usize) -> Vec3, branch: usize| {
-            self.vertices
-                .iter()
-                .any(|vertex| value(vertex, branch) * vertex.attenuation[branch] != Vec3::ZERO)
-        };
-        (0..2).fold(COMPONENT_PRIMARY, |components, branch| {
-            components
-                | if any(|vertex, b| vertex.textured[b], branch) { COMPONENT_REFLECTED << branch } else { 0 }
-                | if any(|vertex, b| vertex.comb[b], branch) { COMPONENT_REFLECTED_COMB << branch } else { 0 }
-        })
-    }
+/// Components of Eq. 3 that are not zero at all of `vertices`.
+fn components(vertices: &[PaperVertex]) -> u32 {
+    let any = |value: fn(&PaperVertex, usize) -> Vec3, branch: usize| {
+        vertices.iter().any(|vertex| value(vertex, branch) * vertex.attenuation[branch] != Vec3::ZERO)
+    };
+    (0..2).fold(COMPONENT_PRIMARY, |components, branch| {
+        components
+            | if any(|vertex, b| vertex.textured[b], branch) { COMPONENT_REFLECTED << branch } else { 0 }
+            | if any(|vertex, b| vertex.comb[b], branch) { COMPONENT_REFLECTED_COMB << branch } else { 0 }
+    })
 }
 
 /// What a leaf's branches show at the first bounce.
@@ -137,7 +135,7 @@ pub fn assemble(
     samples: &Samples,
 ) -> PaperLeaves {
     let frustum = Frustum::new(&view.clip_from_eye_relative(), view.eye);
-    let vertices = (0..mesh.vertices.len() as u32)
+    let vertices: Vec<PaperVertex> = (0..mesh.vertices.len() as u32)
         .into_par_iter()
         .with_min_len(64)
         .map(|index| {
@@ -172,7 +170,8 @@ pub fn assemble(
         })
         .collect();
 
-    let mut result = PaperLeaves { vertices, ..PaperLeaves::default() };
+    let components = components(&vertices);
+    let mut result = PaperLeaves { vertices, components, ..PaperLeaves::default() };
     let mut groups: BTreeMap<Group, Vec<PaperLeaf>> = BTreeMap::new();
     for (leaf, defined, cut) in built {
         let kind = if defined.is_some() { LEAVES_NODES } else { LEAVES_PLAIN };

@@ -123,12 +123,14 @@ impl Painter {
                 ("environment", Resource::Textures(&[bank.environment()])),
             ],
         )?;
-        let base_buffers = [
-            vec![bytemuck::cast_slice(&base.vertices)],
-            vec![bytemuck::cast_slice(&base.leaves)],
-            Vec::new(),
-        ];
-        let base_list = LeafList::new(gpu, &layouts[1], ("base", false), &mut uploads, &base_buffers)?;
+        let base_data: [&[u8]; 2] =
+            [bytemuck::cast_slice(&base.vertices), bytemuck::cast_slice(&base.leaves)];
+        let [vertices, records] = base_data.map(|data| data.len() as u64);
+        let base_list = LeafList::new(gpu, &layouts[1], ("base", false), [vertices, records, 0])?;
+        let mut write = base_list.writer(&mut uploads);
+        write(0, base_data[0])?;
+        write(1, base_data[1])?;
+        drop(write);
         uploads.flush()?;
         let depth_reset = options.single_pass.then(|| base_image::depth_reset(gpu)).transpose()?;
         Ok(Self {
@@ -163,21 +165,18 @@ impl Painter {
         &self.bank
     }
 
-    /// Hands the leaves of a frame to the device.
+    /// Hands the leaves of a frame over to the device.
     ///
     /// # Errors
     /// No device memory left; a lost device.
-    pub fn upload(&mut self, leaves: &Drawn) -> Result<()> {
-        let (gpu, layout) = (&self.gpu, &self.layouts[1]);
-        let buffers = &leaves.buffers();
-        match &mut self.dynamic {
-            Some(list) if list.fits(buffers) => list.write(&mut self.uploads, buffers)?,
-            slot => {
-                // Replaced before it is made anew, so that both never exist at once.
-                *slot = None;
-                *slot = Some(LeafList::new(gpu, layout, ("leaves", true), &mut self.uploads, buffers)?);
-            }
-        }
+    pub fn upload(&mut self, leaves: &mut Drawn) -> Result<()> {
+        let bytes = leaves.bytes();
+        // Dropped before it is made anew, so that both never exist at once.
+        let list = match self.dynamic.take().filter(|list| list.fits(bytes)) {
+            Some(list) => list,
+            None => LeafList::new(&self.gpu, &self.layouts[1], ("leaves", true), bytes)?,
+        };
+        leaves.hand_over(self.dynamic.insert(list).writer(&mut self.uploads))?;
         self.uploads.flush()
     }
 

@@ -17,21 +17,19 @@ pub(super) struct LeafList {
 }
 
 impl LeafList {
-    /// `data`: vertices, leaf records, node table, each in parts that follow one another; with room for more of them if it
-    /// `grows`.
+    /// For vertices, leaf records and node table of so many `bytes`; with room for more of them if it `grows`.
     pub(super) fn new(
         gpu: &Arc<Gpu>,
         layout: &SetLayout,
         (name, grows): (&str, bool),
-        uploads: &mut Uploads,
-        data: &[Vec<&[u8]>; 3],
+        bytes: [u64; 3],
     ) -> Result<Self> {
-        let make = |what: &str, parts: &[&[u8]]| {
-            let bytes = bytes(parts);
+        let make = |what: &str, bytes: u64| {
             let size = if grows { room_for(bytes) } else { bytes };
             DeviceBuffer::new(gpu, &format!("{name} {what}"), size)
         };
-        let buffers = [make("vertices", &data[0])?, make("records", &data[1])?, make("nodes", &data[2])?];
+        let [vertices, records, nodes] = bytes;
+        let buffers = [make("vertices", vertices)?, make("records", records)?, make("nodes", nodes)?];
         let set = layout.set(
             name,
             &[
@@ -40,27 +38,25 @@ impl LeafList {
                 ("node_table", Resource::Buffer(&buffers[2])),
             ],
         )?;
-        let list = Self { buffers, set };
-        list.write(uploads, data)?;
-        Ok(list)
+        Ok(Self { buffers, set })
     }
 
-    pub(super) fn fits(&self, data: &[Vec<&[u8]>; 3]) -> bool {
-        self.buffers.iter().zip(data).all(|(buffer, parts)| buffer.size() >= bytes(parts))
+    pub(super) fn fits(&self, bytes: [u64; 3]) -> bool {
+        self.buffers.iter().zip(bytes).all(|(buffer, bytes)| buffer.size() >= bytes)
     }
 
-    pub(super) fn write(&self, uploads: &mut Uploads, data: &[Vec<&[u8]>; 3]) -> Result<()> {
-        for (buffer, parts) in self.buffers.iter().zip(data) {
-            let mut offset = 0;
-            for part in parts.iter().filter(|part| !part.is_empty()) {
-                uploads.write(buffer, offset, part)?;
-                offset += part.len() as u64;
+    /// What fills the buffers, by their number, in parts that follow one another.
+    pub(super) fn writer<'a>(
+        &'a self,
+        uploads: &'a mut Uploads,
+    ) -> impl FnMut(usize, &[u8]) -> Result<()> + 'a {
+        let mut offsets = [0; 3];
+        move |buffer, part| {
+            if !part.is_empty() {
+                uploads.write(&self.buffers[buffer], offsets[buffer], part)?;
+                offsets[buffer] += part.len() as u64;
             }
+            Ok(())
         }
-        Ok(())
     }
-}
-
-fn bytes(parts: &[&[u8]]) -> u64 {
-    parts.iter().map(|part| part.len() as u64).sum()
 }
