@@ -3,7 +3,8 @@
 # make bench   error against run time on demo scenes, in minutes: out/bench/cup/index.html and others
 # make samples samples against error, measured here: out/samples.md; SCENES='a.glb b.glb' adds files
 # make test    the whole suite; CI runs it, then the promises
-# make promises  what `vtrace profile --check` promises of visibility, in the profile that users run
+# make promises  what `vtrace profile --check` promises of visibility, and the memory of a million triangles, in the
+#              profile that users run
 # make test-models DIR=folder   renders a folder of models, release and debug, and holds them against its
 #              manifest.json, 3 GB and, what is broken, 10 seconds each
 # make setup   installs what building needs (libraries by apt-get; nothing if all is there)
@@ -62,7 +63,8 @@ test: setup-tests
 # Other work on the machine only ever adds to a time, so that one try of some is enough.
 promises: export VK_LOADER_DRIVERS_SELECT := $(DRIVER)
 promises: setup
-	cargo build --release --locked --bins
+	cargo build --release --locked --bins --example check_memory
+	target/release/examples/check_memory
 	for try in 1 2 3 4 5 6 7 8 9 10; do $(VTRACE) profile assets/cup.glb --quick --check && exit 0; done; exit 1
 
 test-models: setup

@@ -10,12 +10,12 @@ mod watch;
 use std::{
     fs,
     path::{Path, PathBuf},
-    process::{Command, ExitCode},
+    process::ExitCode,
     time::Duration,
 };
 
 use serde_json::Value;
-use watch::{MOST_TIME, Watched, watched};
+use watch::{MOST_TIME, Watched, vtrace, watched};
 
 /// Longest time for a picture of a sound model, which a busy machine may need.
 const PATIENCE: Duration = Duration::from_secs(60);
@@ -87,10 +87,7 @@ fn check(model: &Path, expected: &str, picture: &Path) -> Result<String, String>
 }
 
 fn render(model: &Path, expected: &str, picture: &Path) -> Result<Watched, String> {
-    // Examples are built into a folder below the programs'.
-    let own = std::env::current_exe().map_err(|error| error.to_string())?;
-    let program = own.parent().and_then(Path::parent).map(|folder| folder.join("vtrace")).unwrap_or_default();
-    let mut command = Command::new(program);
+    let mut command = vtrace()?;
     command.args(["render", "--size", "160x128", "--max-samples", "4000", "-o"]).args([picture, model]);
     watched(&mut command, if expected == "ok" { PATIENCE } else { MOST_TIME })
 }

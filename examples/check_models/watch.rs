@@ -3,6 +3,7 @@
 use std::{
     fs,
     io::Read,
+    path::Path,
     process::{Command, Stdio},
     thread,
     time::{Duration, Instant},
@@ -24,6 +25,16 @@ pub struct Watched {
     pub seconds: f64,
     /// The most memory that it held, in bytes; 0 where the system does not tell.
     pub bytes: u64,
+}
+
+/// The program of the profile that this example was built in.
+///
+/// # Errors
+/// Why this example does not know where it is.
+pub fn vtrace() -> Result<Command, String> {
+    // Examples are built into a folder below the programs'.
+    let own = std::env::current_exe().map_err(|error| error.to_string())?;
+    Ok(Command::new(own.parent().and_then(Path::parent).unwrap_or(Path::new("")).join("vtrace")))
 }
 
 /// Runs `command` to its end, and no further than `most_time` and 3 GB.
