@@ -3,6 +3,7 @@
 #extension GL_EXT_scalar_block_layout : require
 #extension GL_GOOGLE_include_directive : require
 #include "shading.glsl"
+#include "environment.glsl"
 
 // What the leaves of this draw may have: LEAVES_PLAIN no specular part, LEAVES_FIRST at most the patch that the
 // view ray meets after one bounce, LEAVES_NODES any number of textures besides, LEAVES_ALL nodes of any kind;
@@ -18,7 +19,6 @@ layout(constant_id = 4) const bool EQUATION_FOUR = false;
 layout(constant_id = 10) const bool CODED = false;
 
 layout(set = 1, binding = 2) uniform usamplerBuffer node_table;
-layout(set = 0, binding = 3) uniform sampler2DArray environment;
 
 layout(location = 0) centroid in vec3 position;
 layout(location = 1) centroid in vec3 normal;
@@ -119,13 +119,6 @@ vec3 first_radiance(vec3 direction, out vec3 texel) {
     Material m = material_from(constants, vec4(1.0), base_texel, vec3(1.0));
     if (dot(n, direction) > 0.0) n = -n;
     return local_radiance(m, point, n, direction, references.w, weights);
-}
-
-// Radiance of the panorama: its centre is -z, up is +y. The seam of atan has no gradient, so that none is used.
-vec3 environment_radiance(vec3 direction) {
-    float u = 0.5 + atan(direction.x, -direction.z) / (2.0 * PI);
-    float v = acos(clamp(direction.y, -1.0, 1.0)) / PI;
-    return textureLod(environment, vec3(u, v, 0.0), 0.0).rgb;
 }
 
 vec4 weighted(uint at) {

@@ -168,7 +168,7 @@ fn a_mirror_alone_needs_one_bounce_and_two_face_each_other() {
     let gpu = TestGpu::open();
     let (planned, all) = (gpu.render(&single, &options()), gpu.render(&single, &everything));
     assert_eq!(planned.stats.rays, all.stats.rays);
-    assert_eq!(planned.image.pixels, all.image.pixels);
+    assert!(planned.image.pixels == all.image.pixels, "other pixels");
     gpu.finish();
 }
 
@@ -194,7 +194,7 @@ fn mirrors_that_cannot_see_each_other_need_one_bounce() {
         let [planned, all] = [options(), everything].map(|options| gpu.render(&scene, &options));
         gpu.finish();
         assert_eq!(planned.stats.rays, all.stats.rays, "{name}");
-        assert_eq!(planned.image.pixels, all.image.pixels, "{name}");
+        assert!(planned.image.pixels == all.image.pixels, "{name}: other pixels");
     }
     // In front of it; behind it, but seen from behind as well; with a common edge; and what is not flat.
     let glance = [vec3(1.2, 0.0, 0.0), vec3(0.5, 0.0, 0.5), Vec3::Y];

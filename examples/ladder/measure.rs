@@ -18,7 +18,7 @@ use vertex_tracing::{
         bank::{self, Bank},
         base,
         frame_block::FrameBlock,
-        passes::{Painter, PassOptions, color_passes},
+        passes::{Painter, PassOptions, clear_color, color_passes},
         table::SceneTable,
         vertex::VertexLayout,
     },
@@ -154,6 +154,7 @@ fn painter(gpu: &Arc<Gpu>, scene: &Scene, options: &Options) -> Result<Painter> 
         single_pass: false,
         leaves: false,
         lights: (scene.lights.len() as u32).min(MAX_LIGHTS),
+        background: clear_color(&scene.background),
     };
     Painter::new(gpu, pass_options, bank, &table, &base)
 }

@@ -11,7 +11,7 @@ use crate::options::{FilterMode, Options, VisibilityWay};
 use crate::plan::Plan;
 use crate::reconstruct::bank::{self, Bank, Wanted};
 use crate::reconstruct::base;
-use crate::reconstruct::passes::{Painter, PassOptions};
+use crate::reconstruct::passes::{self, Painter, PassOptions};
 use crate::reconstruct::table::SceneTable;
 use crate::refine::reserve::Reserve;
 use crate::refine::store::{PixelStore, SampleStore};
@@ -116,6 +116,7 @@ impl Kept {
             features: plan.features,
             leaves: plan.traces(),
             lights: (scene.lights.len() as u32).min(MAX_LIGHTS),
+            background: passes::clear_color(&scene.background),
         };
         let made_for = MadeFor {
             options: pass_options.clone(),

@@ -233,13 +233,13 @@ impl Plan {
                 "candidate patches",
                 "nothing that can be reflected is planar",
             );
-            feature(
-                matches!(scene.background, Background::Environment(_)),
-                FEATURE_PANORAMA,
-                "panorama",
-                "no --environment surrounds the scene",
-            );
         }
+        feature(
+            matches!(scene.background, Background::Environment(_)),
+            FEATURE_PANORAMA,
+            "panorama",
+            "no --environment surrounds the scene",
+        );
 
         // Textures and image quality.
         let textures = Wanted {

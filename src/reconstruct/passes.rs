@@ -41,12 +41,14 @@ pub const ARRAY_BINDINGS: [Binding; 3] = [
     Binding::textures("node_texture", 1),
 ];
 
+mod background;
 mod base_image;
 mod describe;
 mod list;
 mod pipelines;
 mod target;
 
+pub use background::clear_color;
 pub use describe::{BaseDraw, BaseFaces, ColorPass, Drawing, PassOptions, color_passes};
 use list::LeafList;
 use pipelines::{PipelineKey, leaf_key};
@@ -82,6 +84,7 @@ pub struct Painter {
     dynamic: Option<LeafList>,
     pipelines: HashMap<PipelineKey, GraphicsPipeline>,
     depth_reset: Option<GraphicsPipeline>,
+    panorama: Option<GraphicsPipeline>,
     /// What [`draw_base`](Self::draw_base) was drawn for, if nothing was drawn upon it yet.
     fresh_base: Option<FrameBlock>,
     target: Option<Target>,
@@ -133,7 +136,7 @@ impl Painter {
         drop(write);
         uploads.flush()?;
         let depth_reset = options.single_pass.then(|| base_image::depth_reset(gpu)).transpose()?;
-        Ok(Self {
+        let mut painter = Self {
             gpu: gpu.clone(),
             options,
             bank,
@@ -148,11 +151,14 @@ impl Painter {
             dynamic: None,
             pipelines: HashMap::new(),
             depth_reset,
+            panorama: None,
             fresh_base: None,
             target: None,
             touch_only: false,
             ring: None,
-        })
+        };
+        painter.panorama = painter.panorama()?;
+        Ok(painter)
     }
 
     /// The texture bank, for another painter.
@@ -225,6 +231,7 @@ impl Painter {
         let Self {
             options,
             depth_reset,
+            panorama,
             commands,
             uploads,
             target,
@@ -245,15 +252,19 @@ impl Painter {
         let Some(target) = target else { return Ok(Vec::new()) };
         let mut recording = commands.begin()?;
         uploads.record(&mut recording);
+        let panorama = &*panorama;
         let record_opaque = |commands: &mut Draws<'_, '_>| {
             limit(commands);
             for (draw, key) in base_draws.iter().zip(&base_keys).filter(|(draw, _)| !draw.blended) {
                 let arrays = &array_sets[&[draw.array, 0, 0]];
                 record_base(commands, &pipelines[key], [scene_set, &base.set, arrays], draw, &frustum);
             }
+            if let Some(pipeline) = panorama {
+                commands.pipeline(pipeline).set(0, scene_set).draw(0..3);
+            }
         };
         if options.single_pass && !base_is_fresh {
-            target.render(&mut recording, true, record_opaque);
+            target.render(&mut recording, Some(options.clear()), record_opaque);
         }
         if let Some(pipeline) = depth_reset {
             target.reset_depth(&mut recording, pipeline);
@@ -265,7 +276,7 @@ impl Painter {
             let count = of_leaves.clone().count() + opaque.count();
             drawings.push(Drawing { name: pass.name, ms: 0.0, draws: count as u32 });
             recording.timed(pass.name, |recording| {
-                target.render(recording, with_base, |commands| {
+                target.render(recording, with_base.then(|| options.clear()), |commands| {
                     limit(commands);
                     if let Some(list) = dynamic {
                         for draw in of_leaves {
@@ -284,7 +295,7 @@ impl Painter {
         if !blended.is_empty() {
             drawings.push(Drawing { name: "blended", ms: 0.0, draws: blended.len() as u32 });
             recording.timed("blended", |recording| {
-                target.render(recording, false, |commands| {
+                target.render(recording, None, |commands| {
                     limit(commands);
                     for draw in blended {
                         let arrays = &array_sets[&[base_draws[draw].array, 0, 0]];

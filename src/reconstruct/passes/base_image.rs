@@ -31,15 +31,20 @@ impl Painter {
         let started = Instant::now();
         let frustum = block.frustum();
         self.uploads.write(&self.frame, 0, std::slice::from_ref(block))?;
-        let Self { commands, uploads, target, pipelines, scene_set, base, array_sets, .. } = self;
+        let Self {
+            options, panorama, commands, uploads, target, pipelines, scene_set, base, array_sets, ..
+        } = self;
         let target = target.as_mut().expect("made above");
         let mut recording = commands.begin()?;
         uploads.record(&mut recording);
         recording.timed("base image", |recording| {
-            target.render(recording, true, |commands| {
+            target.render(recording, Some(options.clear()), |commands| {
                 for (draw, key) in opaque.iter().zip(&keys) {
                     let arrays = &array_sets[&[draw.array, 0, 0]];
                     record_base(commands, &pipelines[key], [scene_set, &base.set, arrays], draw, &frustum);
+                }
+                if let Some(pipeline) = panorama {
+                    commands.pipeline(pipeline).set(0, scene_set).draw(0..3);
                 }
             });
         });

@@ -76,6 +76,8 @@ pub struct PassOptions {
     pub leaves: bool,
     /// Number of lights.
     pub lights: u32,
+    /// Linear radiance where no face is seen; `None` if a panorama is.
+    pub background: Option<[f32; 3]>,
 }
 
 /// Faces that are drawn without samples, by how they are drawn.

@@ -105,19 +105,18 @@ impl Target {
         self.mean.as_ref().unwrap_or(&self.color)
     }
 
-    /// Records `work` as draws into it.
+    /// Records `work` as draws into it: into what is there, or upon the colour `clear` and nothing nearer than infinity.
     pub fn render<'a>(
         &self,
         recording: &mut Recording<'a>,
-        clear: bool,
+        clear: Option<[f32; 4]>,
         work: impl FnOnce(&mut Draws<'_, 'a>),
     ) {
-        let clear_color = clear.then_some([0.0; 4]);
         let color = match &self.multisampled {
-            None => ColorTarget { image: &self.color, clear: clear_color, resolve: None },
-            Some(image) => ColorTarget { image, clear: clear_color, resolve: Some(&self.color) },
+            None => ColorTarget { image: &self.color, clear, resolve: None },
+            Some(image) => ColorTarget { image, clear, resolve: Some(&self.color) },
         };
-        let depth = Some(DepthTarget { image: &self.depth, clear });
+        let depth = Some(DepthTarget { image: &self.depth, clear: clear.is_some() });
         recording.render(&Targets { colors: &[color], depth }, work);
     }
 }
