@@ -41,8 +41,10 @@ pub const STOP_SIZE: f32 = 24.0;
 /// The same as a share of the largest size at which samples are trusted for what is between them: for small images.
 const TRACED_SHARE: f32 = 0.35;
 
-/// The same for faces that are not specular: where shadows' borders run is found by bisecting them.
-pub const RECEIVER_STOP_SIZE: f32 = 16.0;
+/// The same for faces that are not specular, where shadows' borders run: a share of the largest size at which samples are
+/// trusted, since a shadow that slips through between them is more of a small picture, and what it is at least and at most.
+const RECEIVER_SHARE: f32 = 0.09;
+const RECEIVER_STOP_SIZES: [f32; 2] = [8.0, 16.0];
 
 /// The same where samples are counted and few: more of a small face's pixels are defined by its halves.
 pub const SPARING_STOP_SIZE: f32 = 4.0;
@@ -198,7 +200,10 @@ impl<'a> Refiner<'a> {
         match self.predictor.reconstruction {
             Reconstruction::Paper => PAPER_STOP_SIZE,
             Reconstruction::Exact if self.is_mapped(face) => STOP_SIZE,
-            Reconstruction::Exact if self.is_receiver(face) => self.stop_size.min(RECEIVER_STOP_SIZE),
+            Reconstruction::Exact if self.is_receiver(face) => {
+                let [least, most] = RECEIVER_STOP_SIZES;
+                self.stop_size.min((RECEIVER_SHARE * self.reach()).clamp(least, most))
+            }
             Reconstruction::Exact => self.stop_size.min(TRACED_SHARE * self.reach()),
         }
     }
