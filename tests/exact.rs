@@ -6,7 +6,7 @@ mod common;
 use glam::{Vec2, Vec3, Vec4, vec3};
 use vertex_tracing::{
     frame::{Frame, Renderer},
-    options::{Mode, Msaa, Options, Reconstruction, Shadows, Ss, VisibilityWay},
+    options::{CameraChoice, Mode, Msaa, Options, Reconstruction, Shadows, Ss, VisibilityWay},
     report::{
         FloatImage,
         metrics::{Comparison, Encoding, compare},
@@ -214,6 +214,45 @@ fn mirrors_that_reach_behind_the_eye_are_seen_whole() {
             println!("turned {turn}, {length} long, {visibility:?}: {psnr:.1} dB");
             assert!(psnr > 45.0, "turned {turn}, {length} long, {visibility:?}: {psnr:.1} dB");
         }
+    }
+    gpu.finish();
+}
+
+/// Beside mirrors of two triangles each, of which the eye sees a small part from anywhere: that part is refined.
+#[test]
+fn what_is_seen_of_faces_all_around_the_eye_is_refined() {
+    let gpu = TestGpu::open();
+    let mut builder = SceneBuilder::new("crossed mirrors");
+    glowing_floor(&mut builder);
+    let board = builder.texture(texture::chessboard(64));
+    let lining = Material { unlit: true, double_sided: true, ..matte("lining").textured(board) };
+    let lining = builder.material(lining);
+    for (corner, along) in [
+        (vec3(-4.0, 0.0, -4.0), Vec3::X * 8.0),
+        (vec3(4.0, 0.0, -4.0), Vec3::Z * 8.0),
+        (vec3(4.0, 0.0, 4.0), Vec3::X * -8.0),
+        (vec3(-4.0, 0.0, 4.0), Vec3::Z * -8.0),
+    ] {
+        builder.mesh("wall", shape::plane(corner, along, Vec3::Y * 4.0, 2.0), lining);
+    }
+    let silver = Material { double_sided: true, ..chrome("silver", Vec3::splat(0.9)) };
+    let silver = builder.material(silver);
+    builder.mesh("mirror", shape::plane(vec3(-3.0, 0.1, -0.3), Vec3::X * 6.0, Vec3::Y * 3.0, 1.0), silver);
+    builder.mesh("other", shape::plane(vec3(-0.2, 0.1, -3.0), Vec3::Z * 6.0, Vec3::Y * 3.0, 1.0), silver);
+    let eye = vec3(0.1, 0.7, 0.1);
+    for turn in 0..12 {
+        let (sin, cos) = (turn as f32 * 0.53).sin_cos();
+        builder.camera(Camera::look_at(eye, eye + vec3(sin, 0.3 * cos, cos), 1.22));
+    }
+    let scene = builder.build().unwrap();
+    for camera in 0..scene.cameras.len() {
+        let mut options = options(320, 256);
+        options.view.camera = CameraChoice::Named(camera.to_string());
+        options.scene.shadows = Shadows::None;
+        let frame = gpu.render(&scene, &options);
+        let psnr = over_vt(&frame, &options, &traced(&scene, &options, 1, None)).psnr.unwrap_or(99.0);
+        println!("camera {camera}: {psnr:.1} dB");
+        assert!(psnr > 50.0, "camera {camera}: {psnr:.1} dB");
     }
     gpu.finish();
 }

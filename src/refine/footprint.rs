@@ -21,7 +21,7 @@ pub struct Footprint {
     /// Rows that it may reach into.
     pub rows: Range<u32>,
     /// The lines along its sides: distances to them, in pixels and positive inside, are products with (x, y, 1).
-    /// All zero for a triangle without area, or with a corner that is not before the eye.
+    /// All zero for a triangle without area, or with no corner before the eye.
     sides: [Vec3; 3],
 }
 
@@ -44,7 +44,7 @@ impl Footprint {
                 // Partly not before the eye: it ends where the near plane cuts it.
                 let cut = (0..3).filter_map(|i| view.cut(corners[i], corners[(i + 1) % 3]));
                 cut.for_each(&mut reach);
-                [Vec3::ZERO; 3]
+                homogeneous_sides(corners.map(|corner| view.homogeneous(corner)))
             }
         };
         let range = |low: f32, high: f32, size: u32| {
@@ -106,6 +106,18 @@ fn sides(corners: [Vec2; 3]) -> [Vec3; 3] {
     [(a, b), (b, c), (c, a)].map(|(from, to)| {
         let normal = (to - from).perp().normalize_or_zero() * turn;
         normal.extend(-normal.dot(from))
+    })
+}
+
+/// The same of homogeneous corners, some of which may be behind the eye: inside is what rays in front of it hit.
+fn homogeneous_sides(corners: [Vec3; 3]) -> [Vec3; 3] {
+    let [a, b, c] = corners;
+    let turn = a.dot(b.cross(c)).signum();
+    [(a, b), (b, c), (c, a)].map(|(from, to)| {
+        let side = from.cross(to);
+        let length = side.truncate().length();
+        // Parallel to the image's plane it is infinitely far, and all of the image on one side of it.
+        if length > 0.0 { side * (turn / length) } else { Vec3::ZERO }
     })
 }
 

@@ -1,8 +1,11 @@
 //! Pixels of refined faces: which face a pixel shows, and how many pixels show a face.
 
-use glam::{Vec2, Vec3};
+use std::ops::Range;
 
-use super::mesh::Mesh;
+use glam::Vec2;
+
+use super::footprint::Footprint;
+use super::mesh::{Face, Mesh};
 use crate::scene::View;
 use crate::trace::eye::first_drawn;
 use crate::trace::sample::Context;
@@ -28,8 +31,8 @@ const FEW: &[[f32; 3]] =
     &[[1.0 / 3.0, 1.0 / 3.0, 1.0 / 3.0], [0.7, 0.15, 0.15], [0.15, 0.7, 0.15], [0.15, 0.15, 0.7]];
 const MANY_SIDE: u32 = 6;
 
-/// Columns and rows of points in the frame at which a face larger than it is looked for.
-const FRAME_SIDE: u32 = 16;
+/// Rows in which a face is looked for that reaches beyond the frame, and points in each of them.
+const MOST_IN_ROW: u32 = 24;
 
 /// The face that needs samples and shows at pixel (`x`, `y`), by a primary ray if no image says it.
 pub fn face_at(context: &Context, shown: Shown, classes: &[Class], x: u32, y: u32) -> Option<u32> {
@@ -46,34 +49,34 @@ pub fn face_at(context: &Context, shown: Shown, classes: &[Class], x: u32, y: u3
 /// which its base face shows; where counts alone are known, times the share of the base face's area that does. And whether
 /// all these points show it: its halves are then not looked for, and what hides parts of them between the points is not seen.
 pub fn visible(mesh: &Mesh, view: &View, shown: Shown, face: u32) -> (f32, bool) {
-    if let Some(ids) = shown.ids {
-        return visible_in_image(mesh, view, ids, face);
-    }
     let base = mesh.faces[face as usize].base;
-    let whole = mesh.root(base).map_or(0.0, |root| mesh.area(root));
     let pixels = shown.counts[base as usize] as f32;
+    if let Some(ids) = shown.ids {
+        let (found, all) = visible_in_image(mesh, view, ids, face);
+        // What is seen of a face of the scene between all points is known.
+        let lost = found == 0.0 && mesh.root(base) == Some(face);
+        return (if lost { pixels } else { found }, all);
+    }
+    let whole = mesh.root(base).map_or(0.0, |root| mesh.area(root));
     (if whole > 0.0 { pixels * (mesh.area(face) / whole).min(1.0) } else { pixels }, false)
 }
 
 fn visible_in_image(mesh: &Mesh, view: &View, ids: IdImage, face: u32) -> (f32, bool) {
-    let base = mesh.faces[face as usize].base;
-    let corners =
-        mesh.faces[face as usize].corners.map(|v| mesh.images[mesh.vertices[v as usize].point as usize]);
+    let Face { corners, base, .. } = mesh.faces[face as usize];
     let area = mesh.area(face);
+    let projected = corners.map(|v| view.project(mesh.position(v)).map(|(pixel, _)| pixel));
     let frame = ids.pixels.len() as f32;
-    if area > frame {
-        return (frame * share_of_frame(mesh, view, ids, base, corners), false);
-    }
+    let reaches_out = match projected {
+        // The image of what is near the eye's plane is larger than its area as seen from the eye.
+        [Some(a), Some(b), Some(c)] => 0.5 * (b - a).perp_dot(c - a).abs() > frame || area > frame,
+        _ => true,
+    };
+    let ([Some(a), Some(b), Some(c)], false) = (projected, reaches_out) else {
+        return (visible_in_rows(mesh, view, ids, face), false);
+    };
     // Straight between projected corners: which points are looked at does not matter much.
-    let projected =
-        mesh.faces[face as usize].corners.map(|v| view.project(mesh.position(v)).map(|(pixel, _)| pixel));
-    let shows = |weights: [f32; 3]| {
-        let blend = |[a, b, c]: [Vec2; 3]| a * weights[0] + b * weights[1] + c * weights[2];
-        let at = match projected {
-            [Some(a), Some(b), Some(c)] => within(view, blend([a, b, c])),
-            _ => pixel_of(view, corners[0] * weights[0] + corners[1] * weights[1] + corners[2] * weights[2]),
-        };
-        at.is_some_and(|(x, y)| ids.face(x, y) == Some(base))
+    let shows = |[u, v, w]: [f32; 3]| {
+        within(view, a * u + b * v + c * w).is_some_and(|(x, y)| ids.face(x, y) == Some(base))
     };
     let share = if area <= 64.0 {
         FEW.iter().filter(|&&weights| shows(weights)).count() as f32 / FEW.len() as f32
@@ -91,40 +94,27 @@ fn visible_in_image(mesh: &Mesh, view: &View, ids: IdImage, face: u32) -> (f32, 
     (area * share, share == 1.0)
 }
 
-/// Share of the frame that shows `base` inside the image vectors `corners`: looked for from the frame's side, where a
-/// face reaches so far beyond it that points spread over the face would miss it.
-fn share_of_frame(mesh: &Mesh, view: &View, ids: IdImage, base: u32, corners: [Vec3; 3]) -> f32 {
-    let [a, b, c] = corners;
-    let edges = [a.cross(b), b.cross(c), c.cross(a)];
-    let (columns, rows) = (view.width.min(FRAME_SIDE), view.height.min(FRAME_SIDE));
-    let points = (0..rows).flat_map(|row| (0..columns).map(move |column| (column, row)));
-    let middle = |cell: u32, cells: u32, size: u32| ((2 * cell + 1) * size / (2 * cells)).min(size - 1);
-    let shown = points.filter(|&(column, row)| {
-        let (x, y) = (middle(column, columns, view.width), middle(row, rows, view.height));
-        let (origin, direction) = view.ray(Vec2::new(x as f32, y as f32) + 0.5);
-        let image = if view.orthographic { mesh.image_of(origin) } else { direction };
-        let sides = edges.map(|edge| edge.dot(image));
-        ids.face(x, y) == Some(base)
-            && (sides.iter().all(|&side| side >= 0.0) || sides.iter().all(|&side| side <= 0.0))
-    });
-    shown.count() as f32 / (columns * rows) as f32
-}
-
-/// The pixel that an image vector falls into, if it is inside the frame.
-fn pixel_of(view: &View, image: Vec3) -> Option<(u32, u32)> {
-    let plane = if view.orthographic {
-        Vec2::new(image.x, image.y)
-    } else {
-        let depth = image.dot(view.forward);
-        if depth <= 0.0 {
-            return None;
-        }
-        Vec2::new(image.dot(view.right), image.dot(view.up)) / depth
+/// The same for a face that reaches far beyond the frame, or behind the eye: it is looked for row by row in the part of the
+/// frame that it covers, since points spread over all of the face would miss what is seen.
+fn visible_in_rows(mesh: &Mesh, view: &View, ids: IdImage, face: u32) -> f32 {
+    let base = mesh.faces[face as usize].base;
+    let footprint = Footprint::new(mesh, view, face);
+    let spread = |Range { start, end }: Range<u32>| {
+        let (length, count) = (end - start, (end - start).min(MOST_IN_ROW));
+        (0..count).map(move |cell| start + (2 * cell + 1) * length / (2 * count))
     };
-    let ndc = plane / view.half;
-    let x = (ndc.x + 1.0) * 0.5 * view.width as f32;
-    let y = (1.0 - ndc.y) * 0.5 * view.height as f32;
-    within(view, Vec2::new(x, y))
+    let seen_in = |y: u32| {
+        let span = footprint.span(y, 0.0);
+        let points = (span.len() as u32).min(MOST_IN_ROW);
+        let seen = spread(span.clone()).filter(|&x| ids.face(x, y) == Some(base)).count();
+        if points == 0 { 0.0 } else { span.len() as f32 * seen as f32 / points as f32 }
+    };
+    let rows = (footprint.rows.len() as u32).min(MOST_IN_ROW);
+    if rows == 0 {
+        0.0
+    } else {
+        spread(footprint.rows.clone()).map(seen_in).sum::<f32>() * footprint.rows.len() as f32 / rows as f32
+    }
 }
 
 /// The pixel that a point of the image plane falls into, if it is inside the frame.

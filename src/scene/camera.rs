@@ -180,6 +180,16 @@ impl View {
         Vec2::new(ndc.x + 1.0, 1.0 - ndc.y) * 0.5 * size
     }
 
+    /// The image point of `point` times its depth along `forward`, and that depth, which may be any number: homogeneous
+    /// coordinates, of which an orthographic view has depth 1.
+    pub fn homogeneous(&self, point: Vec3) -> Vec3 {
+        let to = point - self.eye;
+        let depth = if self.orthographic { 1.0 } else { to.dot(self.forward) };
+        let ndc = Vec2::new(to.dot(self.right), to.dot(self.up)) / self.half;
+        let size = Vec2::new(self.width as f32, self.height as f32);
+        (Vec2::new(depth + ndc.x, depth - ndc.y) * 0.5 * size).extend(depth)
+    }
+
     /// Where the line from `from` to `to` goes through the near plane, in pixels; `None` if both are on one side of it.
     pub fn cut(&self, from: Vec3, to: Vec3) -> Option<Vec2> {
         let before = |point: Vec3| (point - self.eye).dot(self.forward) - self.near;
