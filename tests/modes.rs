@@ -337,9 +337,10 @@ fn steps_add_samples_and_never_error() {
             let last = steps.last().unwrap();
             assert!(last.2 < 0.7 * steps[0].2, "refinement does not help: {what}");
             assert_eq!(last.1, frame.stats.samples, "{what}");
-            // The finished frame unites what its steps bisected for nothing.
+            // The finished frame unites what its steps bisected for nothing: a pixel on an edge may go to another leaf.
             let finished = compare(&reference, &frame.image, None, Encoding::Srgb).unwrap().rmse;
-            assert!((finished - last.2).abs() < 1e-4 * last.2, "{finished}, not {}: {what}", last.2);
+            assert!(finished < 1.0001 * last.2, "{finished}, more than {}: {what}", last.2);
+            assert!(finished > 0.998 * last.2, "{finished}, not {}: {what}", last.2);
         }
     }
     gpu.finish();

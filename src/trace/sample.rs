@@ -9,7 +9,7 @@ use glam::{Vec2, Vec3, Vec4};
 use super::optics::{self, BranchKind};
 use super::shade::{self, Local};
 use super::{Appearance, Rays, Settings, Surface, Tracer};
-use crate::scene::View;
+use crate::scene::{Geometry, View};
 use crate::scene::mesh::unit;
 use crate::scene::patch::{ENVIRONMENT, TargetId, Targets};
 
@@ -25,6 +25,13 @@ pub struct Context<'a> {
     /// The frame's view.
     pub view: &'a View,
 }
+
+/// Part of the way to the middle of its face from which the rays of a vertex on a flat surface start: where such surfaces meet,
+/// walls of a room or a mirror and its frame, rays from the very edge would meet the other one at once.
+const INWARD: f32 = 1.0 / 32768.0;
+
+/// Cosine between the normals of a face's corners and its own from which it is flat.
+const FLAT: f32 = 0.99999;
 
 /// A mesh vertex as the tracer sees it.
 #[derive(Debug, Clone, Copy)]
@@ -112,15 +119,24 @@ impl Start {
         let object = scene.geometry.face_objects[self.face as usize];
         let sign = if self.back { -1.0 } else { 1.0 };
         let geometric = unit(self.geometric).unwrap_or(Vec3::Y) * sign;
+        let Geometry { faces, normals, .. } = &scene.geometry;
+        let faced = geometric * sign;
+        let is_flat = faces[self.face as usize].iter().all(|&v| normals[v as usize].dot(faced) > FLAT);
+        let inward = if is_flat {
+            let middle = scene.geometry.corners(self.face).into_iter().sum::<Vec3>() / 3.0;
+            (middle - self.position) * INWARD
+        } else {
+            Vec3::ZERO
+        };
         Surface {
             face: self.face,
             object,
             material: scene.objects[object as usize].material,
             vt: scene.objects[object as usize].vt,
             outside: !self.back,
-            position: self.position,
+            position: self.position + inward,
             ng: geometric,
-            n: self.normal.normalize_or(geometric * sign) * sign,
+            n: self.normal.normalize_or(faced) * sign,
             uvs: self.uv,
             color: self.color,
             offset: tracer.record(self.face).offset,
