@@ -218,6 +218,36 @@ fn mirrors_that_reach_behind_the_eye_are_seen_whole() {
     gpu.finish();
 }
 
+/// Unrefined, a room shows what its corners see, which are other walls' corners as well.
+#[test]
+fn corners_where_walls_meet_see_the_room() {
+    let gpu = TestGpu::open();
+    let mut builder = SceneBuilder::new("room");
+    let plaster = builder.material(matte("plaster"));
+    let mut wall = |name: &str, corner: Vec3, right: Vec3, up: Vec3, material| {
+        builder.mesh(name, shape::plane(corner, right, up, 1.0), material);
+    };
+    let (x, y, z) = (Vec3::X * 4.0, Vec3::Y * 3.0, Vec3::Z * 4.0);
+    wall("floor", vec3(-2.0, 0.0, 2.0), x, -z, plaster);
+    wall("left", vec3(-2.0, 0.0, 2.0), -z, y, plaster);
+    wall("right", vec3(2.0, 0.0, -2.0), z, y, plaster);
+    wall("ceiling", vec3(-2.0, 3.0, -2.0), x, z, plaster);
+    wall("back", vec3(2.0, 0.0, 2.0), -x, y, plaster);
+    let silver = builder.material(chrome("silver", Vec3::splat(0.9)));
+    builder.mesh("mirror", shape::plane(vec3(-2.0, 0.0, -2.0), x, y, 1.0), silver);
+    builder.point_light(vec3(0.3, 2.0, 0.2), Vec3::splat(40.0));
+    builder.camera(Camera::look_at(vec3(0.2, 1.5, 1.8), vec3(0.0, 1.4, -2.0), 1.2));
+    let scene = builder.build().unwrap();
+    let mut options = options(320, 256);
+    options.effort.preview = true;
+    let preview = gpu.render(&scene, &options).image;
+    let truth = image(&options, &traced(&scene, &options, 1, None));
+    let dark = |image: &FloatImage| image.pixels.iter().filter(|pixel| pixel[0] < 0.02).count();
+    println!("{} pixels are dark, {} should be", dark(&preview), dark(&truth));
+    assert!(dark(&truth) < 100 && dark(&preview) < 6000, "{} pixels are dark", dark(&preview));
+    gpu.finish();
+}
+
 /// Beside mirrors of two triangles each, of which the eye sees a small part from anywhere: that part is refined.
 #[test]
 fn what_is_seen_of_faces_all_around_the_eye_is_refined() {
