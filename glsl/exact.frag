@@ -20,15 +20,17 @@ layout(constant_id = 10) const bool CODED = false;
 
 layout(set = 1, binding = 2) uniform usamplerBuffer node_table;
 
-layout(location = 0) centroid in vec3 position;
-layout(location = 1) centroid in vec3 normal;
-layout(location = 2) centroid in vec4 slot_uv;
-layout(location = 3) centroid in vec3 weights;
-layout(location = 4) centroid in vec4 color;
-layout(location = 5) centroid in vec3 comb_reflected;
-layout(location = 6) centroid in vec3 comb_transmitted;
-layout(location = 7) centroid in vec4 uv;
-layout(location = 8) centroid in vec4 tangent;
+// At the pixel's centre even where that is beside the leaf: most edges have a leaf in the same plane behind them, and a centroid
+// would move what is looked up, and tear its derivatives, along all of them.
+layout(location = 0) in vec3 position;
+layout(location = 1) in vec3 normal;
+layout(location = 2) in vec4 slot_uv;
+layout(location = 3) in vec3 weights;
+layout(location = 4) in vec4 color;
+layout(location = 5) in vec3 comb_reflected;
+layout(location = 6) in vec3 comb_transmitted;
+layout(location = 7) in vec4 uv;
+layout(location = 8) in vec4 tangent;
 layout(location = 9) flat in uvec4 header;
 layout(location = 10) flat in uvec4 references;
 layout(location = 11) flat in vec3 facet;

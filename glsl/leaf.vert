@@ -14,15 +14,15 @@
 layout(set = 1, binding = 1, scalar) readonly buffer Leaves { Leaf leaves[]; };
 layout(set = 1, binding = 2) uniform usamplerBuffer node_table;
 
-layout(location = 0) centroid out vec3 position;
-layout(location = 1) centroid out vec3 normal;
-layout(location = 2) centroid out vec4 slot_uv;     // base colour, emission
-layout(location = 3) centroid out vec3 weights;
-layout(location = 4) centroid out vec4 color;
-layout(location = 5) centroid out vec3 comb_reflected;
-layout(location = 6) centroid out vec3 comb_transmitted;
-layout(location = 7) centroid out vec4 uv;          // both sets
-layout(location = 8) centroid out vec4 tangent;
+layout(location = 0) out vec3 position;
+layout(location = 1) out vec3 normal;
+layout(location = 2) out vec4 slot_uv;     // base colour, emission
+layout(location = 3) out vec3 weights;
+layout(location = 4) out vec4 color;
+layout(location = 5) out vec3 comb_reflected;
+layout(location = 6) out vec3 comb_transmitted;
+layout(location = 7) out vec4 uv;          // both sets
+layout(location = 8) out vec4 tangent;
 layout(location = 9) flat out uvec4 header;         // material, lit, nodes, flags
 layout(location = 10) flat out uvec4 references;    // base colour, emission, first target, its lights
 layout(location = 11) flat out vec3 facet;

@@ -218,6 +218,26 @@ fn mirrors_that_reach_behind_the_eye_are_seen_whole() {
     gpu.finish();
 }
 
+/// A texture goes on from leaf to leaf as if there were no edges between them, however pixels are covered.
+#[test]
+fn coverage_samples_do_not_tear_textures() {
+    let gpu = TestGpu::open();
+    let scene = Demo::Mirror.scene();
+    let off = |msaa| {
+        let mut options = options(400, 320);
+        options.method.msaa = msaa;
+        let frame = gpu.render(&scene, &options).image;
+        let truth = image(&options, &traced(&scene, &options, 16, None));
+        let far =
+            |(a, b): &(&[f32; 3], &[f32; 3])| (Vec3::from(**a) - Vec3::from(**b)).abs().max_element() > 0.3;
+        frame.pixels.iter().zip(&truth.pixels).filter(far).count()
+    };
+    let (one, four) = (off(Msaa::One), off(Msaa::Four));
+    println!("{one} pixels are off with one sample, {four} with four");
+    assert!(four <= one + one / 10, "{one} pixels are off with one sample, {four} with four");
+    gpu.finish();
+}
+
 /// Unrefined, a room shows what its corners see, which are other walls' corners as well.
 #[test]
 fn corners_where_walls_meet_see_the_room() {

@@ -9,9 +9,9 @@ use glam::{Vec2, Vec3, Vec4};
 use super::optics::{self, BranchKind};
 use super::shade::{self, Local};
 use super::{Appearance, Rays, Settings, Surface, Tracer};
-use crate::scene::{Geometry, View};
 use crate::scene::mesh::unit;
 use crate::scene::patch::{ENVIRONMENT, TargetId, Targets};
+use crate::scene::{Geometry, View};
 
 /// What every sample is traced with.
 #[derive(Clone, Copy)]
