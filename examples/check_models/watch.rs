@@ -31,6 +31,7 @@ pub struct Watched {
 ///
 /// # Errors
 /// Why this example does not know where it is.
+#[allow(dead_code)] // tests know their program
 pub fn vtrace() -> Result<Command, String> {
     // Examples are built into a folder below the programs'.
     let own = std::env::current_exe().map_err(|error| error.to_string())?;
