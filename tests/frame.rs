@@ -256,7 +256,8 @@ fn what_lies_behind_all_faces_is_seen() {
     };
     let perspective = Camera::look_at(vec3(0.3, 1.6, 5.0), Vec3::Y, 0.9);
     let parallel = Projection::Orthographic { xmag: 2.5, ymag: 2.0 };
-    let ways: [(&str, fn(&mut Options)); 7] = [
+    type Way = (&'static str, fn(&mut Options));
+    let ways: [Way; 7] = [
         ("plain", |_| ()),
         ("single pass", |o| o.method.visibility = VisibilityWay::SinglePass),
         ("multi-pass", |o| o.method.mode = Mode::MultiPass),
