@@ -159,7 +159,8 @@ impl<'s> Renderer<'s> {
     }
 
     /// Keeps samples from frame to frame, up to about `most_bytes` bytes, and those pixels of the last view that were traced
-    /// one by one: vertices that are seen again from the same eye point are not traced again, wherever the camera looks. The pictures are the same, to the last bit.
+    /// one by one: vertices that are seen again from the same eye point are not traced again, wherever the camera looks. The
+    /// pictures are the same, to the last bit.
     pub fn keep_samples(&mut self, most_bytes: usize) {
         let mut samples = Samples::new(most_bytes);
         samples.trace_with(&self.settings, self.scene);
