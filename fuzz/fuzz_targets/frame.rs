@@ -70,7 +70,11 @@ fuzz_target!(|bytes: &[u8]| {
     seeds.sort_unstable();
     seeds.dedup();
     let mesh = Mesh::new(&scene, &topology, &view, &seeds);
-    let shown = Shown::Image(IdImage { width: view.width, height: view.height, pixels: &ids });
+    let image = IdImage { width: view.width, height: view.height, pixels: &ids };
+    let mut counts = vec![0; scene.geometry.faces.len()];
+    let pixels = (0..view.height).flat_map(|y| (0..view.width).map(move |x| (x, y)));
+    pixels.filter_map(|(x, y)| image.face(x, y)).for_each(|face| counts[face as usize] += 1);
+    let shown = Shown { counts: &counts, ids: Some(image) };
     let mut refiner = Refiner::new(&context, &predictor, mesh, shown, None);
     let effort = EffortOptions { max_samples: Some(200), ..EffortOptions::default() };
     refiner.run(&effort, Instant::now(), |_| Ok::<_, ()>(())).expect("nothing interrupts");
