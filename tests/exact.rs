@@ -463,6 +463,35 @@ fn the_shaft_guard_finds_what_stands_between_samples() {
     gpu.finish();
 }
 
+/// Where the border of a shadow is known, it is followed: shadows as thin as three pixels do not break into pieces.
+#[test]
+fn thin_shadows_do_not_break() {
+    let gpu = TestGpu::open();
+    let mut builder = SceneBuilder::new("strips over a floor");
+    let white = builder.material(matte("white"));
+    let strip = builder.material(Material { double_sided: true, ..matte("strip") });
+    builder.mesh("floor", shape::plane(vec3(-4.0, 0.0, 4.0), Vec3::X * 8.0, Vec3::NEG_Z * 8.0, 1.0), white);
+    for (at, angle) in [(-1.5_f32, 0.3_f32), (-0.5, 1.1), (0.4, -0.5), (1.5, 0.05)] {
+        let along = vec3(angle.sin(), 0.0, angle.cos()) * 1.6;
+        let across = vec3(angle.cos(), 0.0, -angle.sin()) * 0.022;
+        let corner = vec3(at, 1.0, -0.8);
+        builder.mesh("strip", shape::plane(corner, along, across, 1.0), strip);
+    }
+    builder.point_light(vec3(2.5, 4.0, 0.5), Vec3::splat(60.0));
+    builder.camera(Camera::look_at(vec3(0.0, 6.0, 0.01), Vec3::ZERO, 0.7));
+    let scene = builder.build().unwrap();
+    let options = options(640, 512);
+    let frame = gpu.render(&scene, &options);
+    let truth = image(&options, &traced(&scene, &options, 1, None));
+    let differ = |(a, b): &(&[f32; 3], &[f32; 3])| (a[0] - b[0]).abs() > 0.1;
+    let wrong = frame.image.pixels.iter().zip(&truth.pixels).filter(differ).count();
+    let traced = frame.stats.rays.pixel;
+    println!("{wrong} pixels are wrong, {traced} rays of pixels");
+    assert!(wrong < 30, "{wrong} pixels are wrong");
+    assert!(traced < options.view.width as u64 * 100, "{traced} rays of pixels");
+    gpu.finish();
+}
+
 #[test]
 fn anti_aliasing_adds_no_ray() {
     let gpu = TestGpu::open();

@@ -115,7 +115,7 @@ impl FrameData<'_> {
     /// Number of specular bounces of the longest path, interpolated over a leaf.
     fn bounces(&self, x: u32, y: u32, leaf: u32) -> f32 {
         let corners = self.mesh.faces[leaf as usize].corners;
-        let images = corners.map(|v| self.mesh.images[self.mesh.vertices[v as usize].point as usize]);
+        let images = corners.map(|v| self.mesh.image(v));
         let longest = corners
             .map(|v| self.samples.get(v).nodes.iter().map(|node| node.bounces).max().map_or(0.0, f32::from));
         let weights = Mat3::from_cols(images[0], images[1], images[2]).inverse() * self.image_vector(x, y);

@@ -232,12 +232,27 @@ impl Mesh {
         self.points[self.vertices[vertex as usize].point as usize]
     }
 
+    /// Image vector of an attribute vertex: see [`Mesh::images`].
+    pub fn image(&self, vertex: u32) -> Vec3 {
+        self.images[self.vertices[vertex as usize].point as usize]
+    }
+
+    /// The other faces along edge `edge` of a leaf, from corner `edge` to the next.
+    pub fn beyond(&self, face: u32, edge: usize) -> impl Iterator<Item = u32> + use<'_> {
+        self.around(side(face, edge)).skip(1).map(|s| s >> 2)
+    }
+
     /// The two points of an edge, smaller id first.
     fn edge_points(&self, s: Side) -> (u32, u32) {
         let corners = self.faces[face_of(s)].corners;
         let a = self.vertices[corners[edge_of(s)] as usize].point;
         let b = self.vertices[corners[(edge_of(s) + 1) % 3] as usize].point;
         (a.min(b), a.max(b))
+    }
+
+    /// Length in pixels of edge `edge` of a face, from corner `edge` to the next.
+    pub fn length_of(&self, face: u32, edge: usize) -> f32 {
+        self.edge_length(side(face, edge))
     }
 
     /// Length of an edge in pixels, as seen from the eye.
@@ -282,8 +297,7 @@ impl Mesh {
 
     /// Projected area of a face in pixels.
     pub fn area(&self, face: u32) -> f32 {
-        let [a, b, c] =
-            self.faces[face as usize].corners.map(|v| self.images[self.vertices[v as usize].point as usize]);
+        let [a, b, c] = self.faces[face as usize].corners.map(|v| self.image(v));
         (b - a).cross(c - a).length() * 0.5 * self.pixels_per_unit * self.pixels_per_unit
     }
 
@@ -431,9 +445,8 @@ impl Mesh {
                 return Some(face);
             }
             let e = usize::from(longest);
-            let image_at = |v: u32| self.images[self.vertices[v as usize].point as usize];
             let middle = self.faces[children[0] as usize].corners[2];
-            let (a, c, m) = (image_at(corners[e]), image_at(corners[(e + 2) % 3]), image_at(middle));
+            let (a, c, m) = (self.image(corners[e]), self.image(corners[(e + 2) % 3]), self.image(middle));
             let line = c.cross(m);
             let same_side = (line.dot(a) >= 0.0) == (line.dot(image) >= 0.0);
             face = children[usize::from(!same_side)];

@@ -4,6 +4,7 @@
 //! bisected, and the new vertices traced in parallel; the result does not depend on the number of threads.
 //! Faces that are still undefined when they are small leave the queue: their pixels are traced one by one.
 
+mod borders;
 pub mod dense;
 pub mod direct;
 pub mod footprint;
@@ -23,6 +24,7 @@ use std::time::{Duration, Instant};
 
 use rayon::prelude::*;
 
+use self::borders::Crossing;
 use self::dense::Dense;
 use self::judge::{Inherited, State};
 use self::mesh::{Mesh, Split};
@@ -107,6 +109,8 @@ pub struct Refiner<'a> {
     /// leaf. Apart, for all are added up after every step.
     predicted: Vec<[f32; 2]>,
     queue: BinaryHeap<Entry>,
+    /// Where shadows' borders go on, and nothing else says it.
+    crossings: Vec<Crossing>,
     /// By material: whether it has a normal map that pixels can be traced for.
     mapped: Vec<bool>,
     /// In double precision: there may be more pixels than single precision counts.
@@ -168,6 +172,7 @@ impl<'a> Refiner<'a> {
             state: Vec::new(),
             predicted: Vec::new(),
             queue: BinaryHeap::new(),
+            crossings: Vec::new(),
             mapped,
             pixel_budget_used: 0.0,
             total_pixels: 0.0,
@@ -281,7 +286,7 @@ impl<'a> Refiner<'a> {
             }
             // Nobody asks for them against a budget.
             let sums = if self.target.is_some() { self.predicted_sums() } else { [0.0; 2] };
-            if self.is_enough(sums) {
+            if self.is_enough(sums) && self.crossings.is_empty() {
                 return Ok(StoppedBy::Error);
             }
             let room = effort.max_samples.map_or(u64::MAX, |limit| limit - self.cost());
@@ -311,7 +316,10 @@ impl<'a> Refiner<'a> {
         let (vertices_before, pixels_before) = (self.mesh.vertices.len(), self.pixel_budget_used);
         let mut splits: Vec<Split> = Vec::new();
         let mut popped = 0;
-        let mut left_queue = false;
+        let traced_before = self.pixel_faces.len();
+        self.follow_borders(&mut splits);
+        // Where only borders are followed any more.
+        let batch = if self.is_enough(sums) { 0 } else { batch };
         while popped < batch {
             let made = self.mesh.vertices.len() - vertices_before;
             let spent = made as u64 + (self.pixel_budget_used - pixels_before) as u64;
@@ -330,7 +338,6 @@ impl<'a> Refiner<'a> {
                     let predicted = self.predicted[face as usize];
                     sums = [0, 1].map(|i| sums[i] - f64::from(predicted[i]));
                     self.trace_pixels_of(face);
-                    left_queue = true;
                     popped += 1;
                     if self.is_enough(sums) {
                         break;
@@ -341,7 +348,7 @@ impl<'a> Refiner<'a> {
             self.mesh.bisect(face, &mut splits);
             popped += 1;
         }
-        if splits.is_empty() && !left_queue {
+        if splits.is_empty() && self.pixel_faces.len() == traced_before {
             return false;
         }
         self.samples.extend(self.context, &self.mesh, self.store.as_deref_mut(), |_| true);
@@ -361,6 +368,7 @@ impl<'a> Refiner<'a> {
             halves.extend(both.map(|half| (half, inherited)));
         }
         self.judge(&halves);
+        self.find_crossings(traced_before);
         self.steps += 1;
         true
     }
@@ -369,8 +377,7 @@ impl<'a> Refiner<'a> {
     fn surprise(&self, split: &Split) -> Deviation {
         let vertex = self.mesh.vertices[split.vertex as usize];
         let [a, b] = vertex.parents;
-        let image = |v: u32| self.mesh.images[self.mesh.vertices[v as usize].point as usize];
-        let pixels = (image(a) - image(b)).length() * self.mesh.pixels_per_unit;
+        let pixels = (self.mesh.image(a) - self.mesh.image(b)).length() * self.mesh.pixels_per_unit;
         self.predictor.edge([self.corner(a), self.corner(b)], self.corner(split.vertex), pixels)
     }
 

@@ -176,7 +176,8 @@ impl Chunk {
     }
 }
 
-fn start(mesh: &Mesh, vertex: &Vertex) -> Start {
+/// The vertex as the tracer sees it.
+pub(super) fn start(mesh: &Mesh, vertex: &Vertex) -> Start {
     Start {
         position: mesh.points[vertex.point as usize],
         normal: vertex.normal,

@@ -185,6 +185,13 @@ pub fn slot(kind: BranchKind) -> usize {
     }
 }
 
+/// Lights that are not hidden from a vertex, a bit each: [`Primary::lit`] alone.
+pub fn lights_at(context: &Context, start: &Start, rays: &mut Rays) -> u32 {
+    let surface = start.surface(context.tracer);
+    let appearance = Appearance::new(context.tracer.scene(), &surface);
+    lights(context, &surface, &appearance, 0, rays)
+}
+
 fn lights(
     context: &Context,
     surface: &Surface,
