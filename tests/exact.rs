@@ -12,8 +12,9 @@ use vertex_tracing::{
         metrics::{Comparison, Encoding, compare},
     },
     scene::{
-        Camera, Image, Material, Sampler, Scene, View, Volume, Wrap,
+        Background, Camera, Image, Material, Sampler, Scene, View, Volume, Wrap,
         demo::{Demo, SceneBuilder, chrome, glass, matte, shape, stress, texture},
+        light::{Light, LightKind},
     },
     trace::{
         Settings, Tracer,
@@ -460,6 +461,79 @@ fn the_shaft_guard_finds_what_stands_between_samples() {
     let (with, without) = (error(true), error(false));
     println!("RMSE {with:.4} with the guard, {without:.4} without");
     assert!(with < 0.5 * without, "RMSE {with:.4} with the guard, {without:.4} without");
+    gpu.finish();
+}
+
+/// What a body absorbs is lost on the way to the first thing that its inside shows, too: a floor under water, and without
+/// one all that comes from far away.
+#[test]
+fn bodies_absorb_before_the_first_bounce_is_over() {
+    let gpu = TestGpu::open();
+    for depth in [Some(0.4), None] {
+        let mut builder = SceneBuilder::new("pool");
+        if let Some(depth) = depth {
+            let boards = builder.texture(texture::chessboard(64));
+            let floor = builder.material(Material { unlit: true, ..matte("floor").textured(boards) });
+            let corner = vec3(-2.0, -depth, 2.0);
+            builder.mesh("floor", shape::plane(corner, Vec3::X * 4.0, Vec3::NEG_Z * 4.0, 1.0), floor);
+        }
+        let green = Volume { attenuation_color: vec3(0.1, 0.6, 0.4), attenuation_distance: 1.0 };
+        let water = builder.material(Material { volume: Some(green), ..glass("water", 1.33) });
+        builder.mesh(
+            "water",
+            shape::plane(vec3(-1.5, 0.0, 1.5), Vec3::X * 3.0, Vec3::NEG_Z * 3.0, 1.0),
+            water,
+        );
+        builder.background(Background::Color(vec3(0.5, 0.6, 0.7)));
+        builder.camera(Camera::look_at(vec3(0.0, 1.5, 3.0), Vec3::ZERO, 0.8));
+        let scene = builder.build().unwrap();
+        for mode in [Mode::MultiTexture, Mode::MultiPass] {
+            let mut options = options(320, 256);
+            options.method.mode = mode;
+            let error = over_vt(&gpu.render(&scene, &options), &options, &traced(&scene, &options, 1, None));
+            let psnr = error.psnr.unwrap_or(99.0);
+            println!("{depth:?} deep, {mode:?}: {psnr:.1} dB");
+            assert!(psnr > 45.0, "{depth:?} deep, {mode:?}: {psnr:.1} dB");
+        }
+    }
+    gpu.finish();
+}
+
+/// Between a shadow and where a light does not reach any more nothing is lit: beyond its range, out of its cone.
+#[test]
+fn shadows_stay_dark_up_to_the_end_of_the_light() {
+    let gpu = TestGpu::open();
+    let position = vec3(1.2, 1.6, 0.3);
+    for kind in [
+        LightKind::Point { position, range: 3.0 },
+        LightKind::Spot {
+            position,
+            direction: vec3(-0.6, -0.75, -0.1).normalize(),
+            range: f32::INFINITY,
+            inner_cos: 0.86,
+            outer_cos: 0.85,
+        },
+    ] {
+        let mut builder = SceneBuilder::new("box at the end of the light");
+        let white = builder.material(matte("white"));
+        builder.mesh(
+            "floor",
+            shape::plane(vec3(-4.0, 0.0, 4.0), Vec3::X * 8.0, Vec3::NEG_Z * 8.0, 1.0),
+            white,
+        );
+        let corner = vec3(-0.4, 0.0, -0.3);
+        builder.mesh("box", shape::cuboid(corner, vec3(0.1, 0.7, 0.6), 1.0), white);
+        builder.light(Light { name: "lamp".into(), kind, intensity: Vec3::splat(30.0) });
+        builder.camera(Camera::look_at(vec3(-1.5, 4.0, 2.5), vec3(-0.8, 0.0, 0.0), 0.8));
+        let scene = builder.build().unwrap();
+        let options = options(400, 320);
+        let frame = gpu.render(&scene, &options);
+        let truth = image(&options, &traced(&scene, &options, 1, None));
+        let pixels = frame.image.pixels.iter().zip(&truth.pixels);
+        let wrong = pixels.filter(|(seen, truth)| truth[0] == 0.0 && seen[0] > 0.01).count();
+        println!("{kind:?}: {wrong} dark pixels shine");
+        assert!(wrong < 10, "{kind:?}: {wrong} dark pixels shine");
+    }
     gpu.finish();
 }
 

@@ -223,10 +223,11 @@ impl Matcher<'_> {
         let branch = slot(first.first);
         let lights = nodes.map(|node| node.lit);
         let single = nodes.iter().all(|node| node.target == first.target);
-        let flat = target.patch.is_some() && first.bounces == 1 && single;
+        let followed = nodes.iter().all(|node| node.is_followed());
+        let flat = target.patch.is_some() && followed && single;
         let emissive =
             self.scene.materials.get(target.material as usize).is_some_and(|m| m.emissive_texture.is_some());
-        let candidates = if first.bounces == 1 { self.candidates(nodes, beside) } else { None };
+        let candidates = if followed { self.candidates(nodes, beside) } else { None };
         if flat && leaf.first.is_none() && !emissive && candidates.is_none() {
             leaf.first = Some((self.table.target(first.target), packed(lights) | (branch as u32) << 31));
             leaf.first_texture = self.base_textures[target.material as usize];
@@ -248,18 +249,18 @@ impl Matcher<'_> {
         let ones = [Vec4::ONE; 3];
 
         let (head, parts) = if first.target == ENVIRONMENT {
-            match (&self.scene.background, first.bounces) {
+            match (&self.scene.background, followed) {
                 (Background::Color(_), _) => {
                     return self.combine(leaf, corners, nodes.map(Some), Node::radiance);
                 }
-                (_, 1) => (head(NODE_FIRST_ENVIRONMENT, lights, [NO_TEXTURE; 3]), [ones, unused, unused]),
+                (_, true) => (head(NODE_FIRST_ENVIRONMENT, lights, [NO_TEXTURE; 3]), [ones, unused, unused]),
                 _ => {
                     let directions = nodes.map(|node| node.direction.extend(0.0));
                     let parts = [throughputs.map(|throughput| throughput.extend(1.0)), directions, unused];
                     (head(NODE_ENVIRONMENT, lights, [NO_TEXTURE; 3]), parts)
                 }
             }
-        } else if first.bounces == 1 && (flat || !single) {
+        } else if followed && (flat || !single) {
             let seen = candidates.unwrap_or(nodes.map(|node| (node.target, node.lit)));
             let places = seen.map(|(target, _)| self.table.target(target));
             (head(NODE_FIRST_PLANES, seen.map(|(_, lit)| lit), places), [ones, unused, unused])

@@ -114,22 +114,27 @@ impl Predictor<'_> {
     fn exact(&self, node: &Node, ends: [&Node; 2], distances: [f32; 2]) -> (f32, f32) {
         let structure = self.structure(node.target);
         let [a, b] = ends;
+        let followed = [a, b, node].into_iter().all(Node::is_followed);
         if a.target != b.target || a.target != node.target {
             let Some(end) = self.drawn_candidate(node, ends, distances) else {
                 return (mean_square(weight(node, structure)), 0.25);
             };
-            if end.lit == node.lit {
+            if end.lit != node.lit {
+                let jump = node.throughput * (node.local.textured - end.local.textured);
+                return (mean_square(jump) * structure.mean_square, 0.25);
+            }
+            if followed {
                 return (0.0, 0.0);
             }
-            let jump = node.throughput * (node.local.textured - end.local.textured);
-            return (mean_square(jump) * structure.mean_square, 0.25);
+            let tint = node.throughput - (a.throughput + b.throughput) * 0.5;
+            return (mean_square(tint * node.local.textured) * structure.mean_square, 0.0);
         }
         let lit_differs = a.lit != b.lit || a.lit != node.lit;
         let patch = self.targets.targets[node.target as usize].patch.as_ref();
         let (uv, shift) = match patch {
             // Lit per fragment, unless a shadow's border runs between the ends.
-            Some(_) if node.bounces == 1 && !lit_differs => return (0.0, 0.0),
-            Some(_) if node.bounces == 1 => (node.uv, 0.0),
+            Some(_) if followed && !lit_differs => return (0.0, 0.0),
+            Some(_) if followed => (node.uv, 0.0),
             Some(patch) => {
                 let hit = bundle(patch, ends, distances).unwrap_or(Vec3::INFINITY);
                 (patch.uv(hit), relative_shift(hit, node, ends))

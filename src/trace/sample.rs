@@ -76,11 +76,13 @@ pub struct Node {
     pub first: BranchKind,
     /// Number of branches from the vertex to here, at least 1.
     pub bounces: u8,
+    /// Whether bodies on the way absorb: `throughput` is less than the attenuations' product, and no fragment can tell.
+    pub absorbed: bool,
     /// Lights that are not hidden from the target, a bit each.
     pub lit: u32,
     /// Coordinates of the base colour texture at the target, texture transform included.
     pub uv: Vec2,
-    /// Product of the attenuations along the path.
+    /// Product of the attenuations along the path, and of what the bodies that it runs through let pass.
     pub throughput: Vec3,
     /// Local component at the target, base colour texture kept apart: C_refl or C_trans of Eq. 3.
     pub local: Local,
@@ -99,6 +101,11 @@ pub struct Node {
 }
 
 impl Node {
+    /// Whether a fragment can follow the path by itself: one bounce, and nothing absorbs.
+    pub fn is_followed(&self) -> bool {
+        self.bounces == 1 && !self.absorbed
+    }
+
     /// Radiance that reaches the eye by this node.
     pub fn radiance(&self) -> Vec3 {
         self.throughput * self.local.radiance(self.texel)
@@ -170,8 +177,15 @@ pub fn trace_surface(
         {
             primary.attenuation[slot(branch.kind)] = branch.attenuation;
         }
-        let start =
-            Path { identity: 0, first: None, bounces: 0, throughput: Vec3::ONE, from_eye, after: 0.0 };
+        let start = Path {
+            identity: 0,
+            first: None,
+            bounces: 0,
+            absorbed: false,
+            throughput: Vec3::ONE,
+            from_eye,
+            after: 0.0,
+        };
         Walk { context, nodes, rays }.branch(surface, &appearance, direction, start);
     }
     primary
@@ -212,6 +226,7 @@ struct Path {
     identity: u32,
     first: Option<BranchKind>,
     bounces: u8,
+    absorbed: bool,
     throughput: Vec3,
     from_eye: f32,
     after: f32,
@@ -259,6 +274,7 @@ impl Walk<'_, '_> {
             target: ENVIRONMENT,
             first: path.first.unwrap_or(branch.kind),
             bounces: path.bounces,
+            absorbed: path.absorbed,
             lit: shade::ALL_LIT,
             uv: Vec2::ZERO,
             throughput: path.throughput,
@@ -271,7 +287,9 @@ impl Walk<'_, '_> {
             after: f32::INFINITY,
         };
         let Some(hit) = tracer.closest(branch.origin, branch.direction) else {
-            node.throughput *= branch.transmittance(None);
+            let transmittance = branch.transmittance(None);
+            node.throughput *= transmittance;
+            node.absorbed |= transmittance != Vec3::ONE;
             node.local.added = shade::background(scene, branch.direction);
             self.push(node, Local::default);
             return;
@@ -279,13 +297,16 @@ impl Walk<'_, '_> {
         path.from_eye += hit.t;
         path.after += hit.t;
         let surface = Surface::new(tracer, hit.face, hit.u, hit.v, branch.direction);
-        path.throughput *= branch.transmittance(Some(surface.position));
+        let transmittance = branch.transmittance(Some(surface.position));
+        path.throughput *= transmittance;
+        path.absorbed |= transmittance != Vec3::ONE;
         let appearance = Appearance::new(scene, &surface);
         node.target = self.context.targets.of(hit.face);
         node.lit = lights(self.context, &surface, &appearance, u32::from(path.bounces), self.rays);
         node.local = shade::local(scene, &surface, &appearance, branch.direction, node.lit);
         node.texel = appearance.base_texel;
         node.throughput = path.throughput;
+        node.absorbed = path.absorbed;
         node.length = hit.t;
         node.after = path.after;
         if let Some(slot) = &scene.materials[surface.material as usize].base_color_texture {

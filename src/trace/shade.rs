@@ -35,9 +35,9 @@ impl Local {
 
 /// Which lights are not hidden from `surface`: bit i stands for light i.
 ///
-/// A light is asked only where its answer shows. Below the horizon, out of its cone or range, and on a
-/// surface that neither diffuses nor highlights, its bit is 1: there the cosine or the falloff already
-/// fades it out without a step, and a 0 would only look like a shadow's edge to the refinement.
+/// A light is asked only where its answer shows. Below the horizon, and on a surface that neither diffuses nor
+/// highlights, its bit is 1: there the cosine already fades it out without a step, and a 0 would only look like a shadow's
+/// edge to the refinement. Out of its cone or range it is asked: between there and a shadow within light would seem to shine.
 pub fn visible_lights(tracer: &Tracer, surface: &Surface, appearance: &Appearance, rays: &mut Rays) -> u32 {
     let mut lit = ALL_LIT;
     if Lobes::of(appearance).is_none() {
@@ -46,7 +46,7 @@ pub fn visible_lights(tracer: &Tracer, surface: &Surface, appearance: &Appearanc
     let mut asked = Asked { tracer, shafts: None, origin: surface.front(), rays };
     for (index, light) in tracer.scene().lights.iter().take(MASK_LIGHTS).enumerate() {
         let incident = light.incident(surface.position.into());
-        if incident.faces(surface.n.into()) && !asked.lit(index, &incident, true) {
+        if incident.is_above(surface.n.into()) && !asked.lit(index, &incident, true) {
             lit &= !(1 << index);
         }
     }
@@ -130,8 +130,13 @@ impl<R: Real> Incident<R> {
     /// Whether it arrives at the side that the unit normal `n` points to.
     #[inline(always)]
     pub(super) fn faces(&self, n: Triple<R>) -> R::Choice {
-        let zero = n.x.all(0.0);
-        zero.lt(self.to_light.dot(n)) & zero.lt(self.irradiance.greatest())
+        self.is_above(n) & n.x.all(0.0).lt(self.irradiance.greatest())
+    }
+
+    /// Whether the light stands above the surface of unit normal `n`, in reach or not.
+    #[inline(always)]
+    fn is_above(&self, n: Triple<R>) -> R::Choice {
+        n.x.all(0.0).lt(self.to_light.dot(n))
     }
 }
 
