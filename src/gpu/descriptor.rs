@@ -7,6 +7,9 @@ use ash::vk;
 use super::{DeviceBuffer, Gpu, Image, SamplerDesc, buffer::RawBuffer, image::RawImage};
 use crate::error::{Error, Result};
 
+/// Bytes of a texel of four words.
+pub(super) const TEXEL_BYTES: u64 = 16;
+
 /// One binding of a set; its number is its place in the table, from 0.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub struct Binding {
@@ -217,10 +220,10 @@ impl RawSet {
         match (binding.kind, resource) {
             (BindingKind::Storage | BindingKind::Uniform, Resource::Buffer(buffer)) => {
                 let (limit, what) = match binding.kind {
-                    BindingKind::Uniform => (gpu.limits.max_uniform_buffer_range, "uniform"),
-                    _ => (gpu.limits.max_storage_buffer_range, "storage"),
+                    BindingKind::Uniform => (u64::from(gpu.limits.max_uniform_buffer_range), "uniform"),
+                    _ => (gpu.most_stored(), "storage"),
                 };
-                if buffer.size() > u64::from(limit) {
+                if buffer.size() > limit {
                     return Err(Error::DeviceMemory {
                         object: format!("buffer {}", buffer.raw.name),
                         problem: format!(
@@ -251,9 +254,8 @@ impl RawSet {
                 unsafe { gpu.device.update_descriptor_sets(&[write.image_info(&infos)], &[]) };
             }
             (BindingKind::Texels, Resource::Buffer(buffer)) => {
-                let texels = buffer.size() / 16;
-                let limit = gpu.limits.max_texel_buffer_elements;
-                if texels > u64::from(limit) {
+                let (texels, limit) = (buffer.size() / TEXEL_BYTES, gpu.most_texels() / TEXEL_BYTES);
+                if texels > limit {
                     return Err(Error::DeviceMemory {
                         object: format!("buffer {}", buffer.raw.name),
                         problem: format!(
@@ -264,7 +266,7 @@ impl RawSet {
                 let info = vk::BufferViewCreateInfo::default()
                     .buffer(buffer.raw.handle)
                     .format(vk::Format::R32G32B32A32_UINT)
-                    .range(texels * 16);
+                    .range(texels * TEXEL_BYTES);
                 // SAFETY: a live buffer with the usage for it, kept alive by the set.
                 let view = gpu.call("vkCreateBufferView", &buffer.raw.name, |device| unsafe {
                     device.create_buffer_view(&info, None)

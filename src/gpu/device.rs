@@ -205,6 +205,16 @@ impl Gpu {
         self.instance.messages.clone()
     }
 
+    /// Bytes of a storage buffer that a shader can be given at most.
+    pub fn most_stored(&self) -> u64 {
+        self.limits.max_storage_buffer_range.into()
+    }
+
+    /// Bytes of a texel buffer that a shader can be given at most.
+    pub fn most_texels(&self) -> u64 {
+        u64::from(self.limits.max_texel_buffer_elements) * super::descriptor::TEXEL_BYTES
+    }
+
     /// Largest width and height of an image.
     pub fn max_image_size(&self) -> u32 {
         self.limits.max_image_dimension2_d

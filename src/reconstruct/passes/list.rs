@@ -5,9 +5,10 @@ use std::sync::Arc;
 use crate::error::Result;
 use crate::gpu::{DescriptorSet, DeviceBuffer, Gpu, Resource, SetLayout, Uploads};
 
-/// Bytes of a buffer of leaves that is made for `bytes`: room to grow by half without a new one.
-fn room_for(bytes: u64) -> u64 {
-    (bytes * 3 / 2).max(256).next_multiple_of(16)
+/// Bytes of a buffer of leaves that is made for `bytes`: room to grow by half without a new one, as far as the device binds
+/// `most` bytes.
+fn room_for(bytes: u64, most: u64) -> u64 {
+    (bytes * 3 / 2).min(most / 16 * 16).max(bytes).max(256).next_multiple_of(16)
 }
 
 /// A list of leaves on the device: buffers grow, and are kept from frame to frame.
@@ -24,12 +25,17 @@ impl LeafList {
         (name, grows): (&str, bool),
         bytes: [u64; 3],
     ) -> Result<Self> {
-        let make = |what: &str, bytes: u64| {
-            let size = if grows { room_for(bytes) } else { bytes };
+        let (stored, read) = (gpu.most_stored(), gpu.most_texels());
+        let make = |what: &str, bytes: u64, most: u64| {
+            let size = if grows { room_for(bytes, most) } else { bytes };
             DeviceBuffer::new(gpu, &format!("{name} {what}"), size)
         };
         let [vertices, records, nodes] = bytes;
-        let buffers = [make("vertices", vertices)?, make("records", records)?, make("nodes", nodes)?];
+        let buffers = [
+            make("vertices", vertices, stored)?,
+            make("records", records, stored)?,
+            make("nodes", nodes, read)?,
+        ];
         let set = layout.set(
             name,
             &[
@@ -58,5 +64,19 @@ impl LeafList {
             }
             Ok(())
         }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::room_for;
+
+    #[test]
+    fn room_to_grow_does_not_pass_the_devices_limit() {
+        assert_eq!(room_for(1000, 1 << 20), 1504);
+        assert_eq!(room_for(1000, 1200), 1200);
+        // What is too much is refused where it is bound.
+        assert_eq!(room_for(2000, 1200), 2000);
+        assert_eq!(room_for(0, 1 << 20), 256);
     }
 }
