@@ -12,7 +12,7 @@ use vertex_tracing::{
         metrics::{Comparison, Encoding, compare},
     },
     scene::{
-        Background, Camera, Image, Material, Sampler, Scene, View, Volume, Wrap,
+        AlphaMode, Background, Camera, Image, Material, Sampler, Scene, View, Volume, Wrap,
         demo::{Demo, SceneBuilder, chrome, glass, matte, shape, stress, texture},
         light::{Light, LightKind},
     },
@@ -364,6 +364,30 @@ fn many_faces_of_few_pixels_stay_out_of_the_mesh() {
     gpu.finish();
 }
 
+/// A pane hides what is behind it in part, be that a mesh whose pixels are all traced.
+#[test]
+fn panes_are_seen_before_dense_meshes() {
+    let gpu = TestGpu::open();
+    let mut builder = SceneBuilder::new("pane over waves");
+    let metal = builder.material(chrome("silver", Vec3::splat(0.9)));
+    builder.mesh("waves", shape::waves(2.0, 250, 0.02, 5.0), metal);
+    let veil = Material { base_color: vec3(0.8, 0.1, 0.1).extend(0.6), unlit: true, ..matte("veil") };
+    let veil = Material { alpha_mode: AlphaMode::Blend, double_sided: true, ..veil };
+    let veil = builder.material(veil);
+    builder.mesh("pane", shape::plane(vec3(-0.4, 0.3, 0.4), Vec3::X * 0.8, Vec3::NEG_Z * 0.8, 1.0), veil);
+    builder.background(Background::Color(vec3(0.2, 0.5, 0.8)));
+    builder.camera(Camera::look_at(vec3(0.0, 3.0, 0.5), Vec3::ZERO, 0.8));
+    let scene = builder.build().unwrap();
+    let options = options(320, 256);
+    let frame = gpu.render(&scene, &options);
+    assert!(frame.stats.faces.visible > 20_000, "{} faces are visible", frame.stats.faces.visible);
+    let truth = image(&options, &traced(&scene, &options, 1, None));
+    let psnr = compare(&truth, &frame.image, None, Encoding::Srgb).unwrap().psnr.unwrap_or(99.0);
+    println!("{psnr:.1} dB");
+    assert!(psnr > 45.0, "{psnr:.1} dB");
+    gpu.finish();
+}
+
 #[test]
 fn a_larger_error_takes_fewer_rays() {
     let gpu = TestGpu::open();
@@ -373,7 +397,7 @@ fn a_larger_error_takes_fewer_rays() {
         let truth = traced(&scene, &options, 1, None);
         let mut before = (u64::MAX, 0.0);
         for error in [0.5, 32.0] {
-            options.effort.error = error;
+            options.effort.error = Some(error);
             let frame = gpu.render(&scene, &options);
             let (rays, rmse) = (frame.stats.rays.total, over_vt(&frame, &options, &truth).rmse);
             println!("{} at {error}: {rays} rays, RMSE {rmse:.4}", demo.name());

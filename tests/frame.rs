@@ -11,7 +11,7 @@ use vertex_tracing::{
     error::Error,
     frame::{Frame, Renderer},
     gpu::Fault,
-    options::{Mode, Msaa, Options, Reconstruction, Shadows, Ss, VisibilityWay},
+    options::{DEFAULT_ERROR, Mode, Msaa, Options, Reconstruction, Shadows, Ss, VisibilityWay},
     report::{
         FloatImage,
         metrics::{Encoding, compare},
@@ -225,7 +225,7 @@ fn demos_stand_near_the_reference() {
         // Displacement alone would be within the error sooner, and leave ragged shadows.
         assert_eq!(frame.stats.stopped_by, Some(StoppedBy::Error));
         let color = frame.stats.predicted_rmse.unwrap();
-        assert!(color <= f64::from(options.effort.error) * 0.0003, "{}: off by {color}", demo.name());
+        assert!(color <= f64::from(DEFAULT_ERROR) * 0.0003, "{}: off by {color}", demo.name());
     }
     gpu.finish();
 }

@@ -4,7 +4,7 @@ mod common;
 
 use std::{sync::atomic::AtomicBool, time::Duration};
 
-use glam::{Affine2, Vec2, Vec3};
+use glam::{Affine2, Vec2, Vec3, vec3};
 use vertex_tracing::{
     error::Result,
     frame::{Frame, Renderer, Step},
@@ -20,6 +20,7 @@ use vertex_tracing::{
     scene::{
         Camera, Filter, Material, Sampler, Scene, Wrap,
         demo::{self, Demo, SceneBuilder, matte, shape, texture},
+        light::{Light, LightKind},
     },
     trace::{Settings, Tracer, reference},
 };
@@ -291,7 +292,7 @@ fn textures_cost_no_samples() {
         for scene in [leaning_mirror(0.8), Demo::Sphere.scene()] {
             let mut options = options(Mode::MultiTexture, Equation::Three, reconstruction);
             options.effort.max_samples = None;
-            options.effort.error = 4.0;
+            options.effort.error = Some(4.0);
             let samples = |scene: &Scene| gpu.render(scene, &options).stats.samples;
             let (coarse, fine) = (samples(&scene), samples(&finer_textures(scene.clone(), 8.0)));
             println!("{} {reconstruction}: {coarse} samples, {fine} with finer textures", scene.name);
@@ -346,6 +347,50 @@ fn steps_add_samples_and_never_error() {
     gpu.finish();
 }
 
+/// The first limit that is met stops refinement; a predicted error is one only where it is asked for.
+#[test]
+fn limits_hold_side_by_side() {
+    let gpu = TestGpu::open();
+    let scene = Demo::Cup.scene();
+    let stats = |error: Option<f32>, samples: Option<u64>| {
+        let mut options = options(Mode::MultiTexture, Equation::Three, Reconstruction::Exact);
+        (options.effort.error, options.effort.max_samples) = (error, samples);
+        let view = options.view.resolve(&scene).unwrap();
+        Renderer::new(&gpu, &scene, &options).unwrap().render(&view).unwrap().stats
+    };
+    let alone = stats(Some(8.0), None);
+    assert_eq!(alone.stopped_by, Some(StoppedBy::Error));
+    let cost = alone.samples + alone.rays.pixel;
+    let (loose, tight, silent) =
+        (stats(Some(8.0), Some(4 * cost)), stats(Some(8.0), Some(600)), stats(None, Some(4 * cost)));
+    assert_eq!((loose.stopped_by, loose.samples), (Some(StoppedBy::Error), alone.samples));
+    assert_eq!(tight.stopped_by, Some(StoppedBy::MaxSamples));
+    assert_ne!(silent.stopped_by, Some(StoppedBy::Error));
+    gpu.finish();
+}
+
+/// Faces whose corners all see nothing are looked into before displacements are small enough.
+#[test]
+fn the_papers_reconstruction_does_not_stop_in_the_dark() {
+    let gpu = TestGpu::open();
+    let mut builder = SceneBuilder::new("pool of light");
+    let white = builder.material(matte("white"));
+    builder.mesh("floor", shape::plane(vec3(-3.0, 0.0, 3.0), Vec3::X * 6.0, Vec3::NEG_Z * 6.0, 1.0), white);
+    let kind = LightKind::Point { position: vec3(0.0, 1.0, 0.0), range: 2.0 };
+    builder.light(Light { name: "lamp".into(), kind, intensity: Vec3::splat(9.0) });
+    builder.camera(Camera::look_at(vec3(0.0, 5.0, 3.0), Vec3::ZERO, 0.8));
+    let scene = builder.build().unwrap();
+    let mut options = options(Mode::MultiTexture, Equation::Three, Reconstruction::Paper);
+    options.effort.max_samples = None;
+    let truth = reference_image(&scene, &options);
+    let view = options.view.resolve(&scene).unwrap();
+    let frame = Renderer::new(&gpu, &scene, &options).unwrap().render(&view).unwrap();
+    let psnr = psnr(&truth, &frame.image);
+    println!("{psnr:.1} dB, {} samples", frame.stats.samples);
+    assert!(psnr > 25.0, "{psnr:.1} dB, {} samples", frame.stats.samples);
+    gpu.finish();
+}
+
 #[test]
 fn showing_the_steps_does_not_change_the_image() {
     let gpu = TestGpu::open();
@@ -395,7 +440,7 @@ fn a_time_budget_is_kept() {
     let scene = Demo::Cup.scene();
     let mut options = options(Mode::MultiTexture, Equation::Three, Reconstruction::Exact);
     options.effort.max_samples = None;
-    options.effort.error = 0.0;
+    options.effort.error = Some(0.0);
     (options.view.width, options.view.height) = (3 * WIDTH, 3 * HEIGHT);
     let view = options.view.resolve(&scene).unwrap();
     let timed = |options: &Options| {

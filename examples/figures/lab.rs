@@ -98,7 +98,7 @@ pub fn options((width, height): (u32, u32), reconstruction: Reconstruction, effo
     match effort {
         Effort::Preview => options.effort.preview = true,
         Effort::Samples(samples) => options.effort.max_samples = Some(samples),
-        Effort::Error(error) => options.effort.error = error,
+        Effort::Error(error) => options.effort.error = Some(error),
     }
     options
 }

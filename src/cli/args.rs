@@ -108,8 +108,9 @@ pub struct EffortArgs {
     pub preview: bool,
     /// Refine until reflections are predicted to be displaced by no more than this, and colours to be off by no more
     /// than 0.0003 of it
-    #[arg(long, value_name = "PIXELS", default_value_t = EffortOptions::default().error, value_parser = values::non_negative)]
-    pub error: f32,
+    /// [default: 0.5; beside --max-samples or --budget none]
+    #[arg(long, value_name = "PIXELS", value_parser = values::non_negative)]
+    pub error: Option<f32>,
     /// Trace no more vertices, and pixels by themselves, than this
     #[arg(long, value_name = "N")]
     pub max_samples: Option<u64>,

@@ -168,7 +168,7 @@ mod tests {
         assert_eq!((method.visibility, method.filter), (VisibilityWay::Device, FilterMode::Aniso8));
         assert_eq!((method.msaa, method.ss), (Msaa::Four, Ss::Sixteen));
         let effort = &options.effort;
-        assert_eq!((effort.preview, effort.error, effort.max_samples), (false, 0.25, Some(9)));
+        assert_eq!((effort.preview, effort.error, effort.max_samples), (false, Some(0.25), Some(9)));
         assert!(!effort.shaft_guard);
         assert_eq!(effort.budget, Some(Duration::from_millis(40)));
         assert_eq!((options.paths.depth, options.paths.min_throughput), (7, 0.5));

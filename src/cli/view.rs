@@ -25,9 +25,9 @@ pub struct ViewerArgs {
     pub view: ViewArgs,
     #[command(flatten)]
     pub method: MethodArgs,
-    /// Refine until reflections are predicted to be displaced by no more than this
-    #[arg(long, value_name = "PIXELS", help_heading = "Effort", default_value_t = EffortOptions::default().error, value_parser = values::non_negative)]
-    pub error: f32,
+    /// Refine until reflections are predicted to be displaced by no more than this [default: 0.5]
+    #[arg(long, value_name = "PIXELS", help_heading = "Effort", value_parser = values::non_negative)]
+    pub error: Option<f32>,
     /// Time for a frame while the camera moves
     #[arg(long, value_name = "MS", help_heading = "Effort", default_value_t = 33, value_parser = value_parser!(u32).range(1..))]
     pub budget: u32,
@@ -122,7 +122,7 @@ mod tests {
         options.method.reconstruction = Reconstruction::Paper;
         options.method.visibility = VisibilityWay::Device;
         (options.method.msaa, options.method.ss, options.method.nodes) = (Msaa::Four, Ss::Four, 3);
-        (options.effort.error, options.paths.depth, options.paths.min_throughput) = (0.3, 2, 0.1);
+        (options.effort.error, options.paths.depth, options.paths.min_throughput) = (Some(0.3), 2, 0.1);
         (options.scene.shadows, options.scene.fresnel) = (Shadows::None, true);
         options.scene.background = Some(Vec3::new(0.1, 0.2, 0.3));
         options.scene.vt.force = vec!["cup".into()];

@@ -12,7 +12,8 @@ pub use view::{CameraChoice, DEFAULT_FOV, ViewOptions};
 use std::{path::PathBuf, time::Duration};
 
 use glam::Vec3;
-use serde::Serialize;
+use serde::ser::SerializeStruct;
+use serde::{Serialize, Serializer};
 
 use crate::scene::classify::VtRules;
 
@@ -105,18 +106,18 @@ impl Default for MethodOptions {
 }
 
 /// When refinement stops: at the first limit that is met.
-#[derive(Debug, Clone, PartialEq, Serialize)]
+#[derive(Debug, Clone, PartialEq)]
 pub struct EffortOptions {
     /// Primary vertices only, no refinement step.
     pub preview: bool,
     /// Predicted RMS displacement of what is reflected, in pixels over VT pixels (design §6); 0.0003 of it also bounds
-    /// the predicted RMS error of linear radiance, since not all errors are displacements.
-    pub error: f32,
+    /// the predicted RMS error of linear radiance, since not all errors are displacements. `None` is
+    /// [`DEFAULT_ERROR`], or no such limit beside another one.
+    pub error: Option<f32>,
     /// Most vertices to trace, and pixels that are traced by themselves.
     pub max_samples: Option<u64>,
     /// Longest time for the frame: with it the image may differ from run to run, as it may where
     /// [`VisibilityWay::Auto`] finds two ways about equally fast.
-    #[serde(rename = "budget_ms", serialize_with = "milliseconds")]
     pub budget: Option<Duration>,
     /// Whether to look for what stands between samples that agree; for [`Reconstruction::Exact`].
     pub shaft_guard: bool,
@@ -124,12 +125,32 @@ pub struct EffortOptions {
 
 impl Default for EffortOptions {
     fn default() -> Self {
-        Self { preview: false, error: 0.5, max_samples: None, budget: None, shaft_guard: true }
+        Self { preview: false, error: None, max_samples: None, budget: None, shaft_guard: true }
     }
 }
 
-fn milliseconds<S: serde::Serializer>(value: &Option<Duration>, serializer: S) -> Result<S::Ok, S::Error> {
-    value.map(|duration| duration.as_secs_f64() * 1e3).serialize(serializer)
+/// [`EffortOptions::error`] where nothing else limits a frame, in pixels.
+pub const DEFAULT_ERROR: f32 = 0.5;
+
+impl EffortOptions {
+    /// The predicted displacement, in pixels, at which refinement stops; `None` if only samples or time stop it.
+    pub fn target(&self) -> Option<f32> {
+        let is_limited = self.max_samples.is_some() || self.budget.is_some();
+        self.error.or((!is_limited).then_some(DEFAULT_ERROR))
+    }
+}
+
+impl Serialize for EffortOptions {
+    /// The limits that hold, a time in milliseconds.
+    fn serialize<S: Serializer>(&self, serializer: S) -> Result<S::Ok, S::Error> {
+        let mut fields = serializer.serialize_struct("EffortOptions", 5)?;
+        fields.serialize_field("preview", &self.preview)?;
+        fields.serialize_field("error", &self.target())?;
+        fields.serialize_field("max_samples", &self.max_samples)?;
+        fields.serialize_field("budget_ms", &self.budget.map(|budget| budget.as_secs_f64() * 1e3))?;
+        fields.serialize_field("shaft_guard", &self.shaft_guard)?;
+        fields.end()
+    }
 }
 
 /// How far paths are followed.

@@ -10,7 +10,7 @@ use rayon::prelude::*;
 use super::per_pixel::{self, HalfRadiance};
 use super::store::PixelStore;
 use crate::error::{Error, Result};
-use crate::scene::{Scene, View};
+use crate::scene::{AlphaMode, Object, Scene, View};
 use crate::trace::Rays;
 use crate::trace::sample::Context;
 use crate::trace::wave::Points;
@@ -63,11 +63,11 @@ impl Direct {
     }
 
     /// Those of `found`, if they are many: specular faces of fewer than eight pixels. It must be known which
-    /// pixels show them.
+    /// pixels show them, and nothing be blended before them.
     pub fn find(scene: &Scene, view: &View, found: &Found) -> Self {
         let counts = &found.faces.pixels_per_face;
         let is_small = |&&face: &&u32| (1..FEW_PIXELS).contains(&counts[face as usize]) && scene.is_vt(face);
-        if found.ids.is_none() || found.visible.len() < MANY {
+        if found.ids.is_none() || found.visible.len() < MANY || has_veils(scene) {
             return Self::none();
         }
         let faces: Vec<u32> = found.visible.par_iter().filter(is_small).copied().collect();
@@ -186,4 +186,13 @@ impl Direct {
         }
         (pixels, points.rays())
     }
+}
+
+/// Whether there are BLEND faces that do not count as opaque: they are drawn last, and one depth for all pixels of a picture
+/// does not tell which of them stand before it.
+fn has_veils(scene: &Scene) -> bool {
+    let is_blended = |object: &Object| {
+        !object.vt && scene.materials[object.material as usize].alpha_mode == AlphaMode::Blend
+    };
+    scene.objects.iter().any(is_blended)
 }

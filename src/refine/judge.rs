@@ -226,6 +226,13 @@ impl Refiner<'_> {
         self.is_blind(face) && (self.state[face as usize].size > self.reach() || self.is_mapped(face))
     }
 
+    /// Whether such a face is queued.
+    pub(super) fn hides_much(&self) -> bool {
+        let waits =
+            |&Entry { face, .. }: &Entry| self.mesh.faces[face as usize].is_leaf() && self.is_urgent(face);
+        self.queue.iter().any(waits)
+    }
+
     /// Longest edge, in pixels, of a face whose samples are trusted although nothing between them was looked at.
     pub(super) fn reach(&self) -> f32 {
         BLIND * self.context.view.height.max(self.context.view.width) as f32

@@ -116,7 +116,7 @@ pub struct Refiner<'a> {
     /// In double precision: there may be more pixels than single precision counts.
     pixel_budget_used: f64,
     total_pixels: f64,
-    /// Root mean squares at which refinement ends, displacement in pixels and linear radiance; `None` against a budget.
+    /// Root mean squares at which refinement ends, displacement in pixels and linear radiance; `None` against a budget alone.
     target: Option<[f32; 2]>,
     /// Longest edge of a face whose pixels are traced, unless a normal map bends what it shows.
     stop_size: f32,
@@ -269,8 +269,8 @@ impl<'a> Refiner<'a> {
         if effort.max_samples.is_some_and(|limit| (limit as f64) < FEW * self.total_pixels) {
             self.stop_size = SPARING_STOP_SIZE;
         }
-        if effort.max_samples.is_none() && effort.budget.is_none() {
-            self.target = Some([effort.error, effort.error * COLOR_PER_PIXEL]);
+        if let Some(error) = effort.target() {
+            self.target = Some([error, error * COLOR_PER_PIXEL]);
             self.queue_again();
         }
         let mut last_step = (Duration::ZERO, 0);
@@ -303,9 +303,13 @@ impl<'a> Refiner<'a> {
     fn is_enough(&self, sums: [f64; 2]) -> bool {
         let Some(most) = self.target else { return false };
         let [shift, color] = self.mean(sums);
-        // Gouraud shading is off in colour wherever a texture is seen: of the paper's, displacement alone is asked.
-        let paper = self.predictor.reconstruction == Reconstruction::Paper;
-        shift <= most[0] && (paper || color <= most[1])
+        // Gouraud shading is off in colour wherever a texture is seen: of the paper's, displacement alone is asked, and that
+        // no face is left that may hide anything.
+        let colors_do = match self.predictor.reconstruction {
+            Reconstruction::Exact => color <= most[1],
+            Reconstruction::Paper => !self.hides_much(),
+        };
+        shift <= most[0] && colors_do
     }
 
     /// Bisects the most promising faces and traces their new vertices, at most about `room` of them, and no more once

@@ -117,5 +117,5 @@ impl Artist<'_> {
 /// What a frame of a moving camera is allowed.
 fn moving_effort(wanted: &Wanted) -> EffortOptions {
     let effort = wanted.options.effort.clone();
-    if effort.preview { effort } else { EffortOptions { budget: Some(wanted.budget), ..effort } }
+    if effort.preview { effort } else { EffortOptions { budget: Some(wanted.budget), error: None, ..effort } }
 }

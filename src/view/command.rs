@@ -34,7 +34,7 @@ pub fn render_line(scene: &Path, options: &Options, exposure: f32) -> String {
     line.choice("--pixel-samples", method.pixel_samples);
     line.choice("--filter", method.filter);
     line.flag("--preview", effort.preview);
-    line.changed("--error", effort.error, default.effort.error);
+    line.given("--error", effort.error.map(|error| error.to_string()));
     line.given("--max-samples", effort.max_samples.map(|samples| samples.to_string()));
     line.given("--budget", effort.budget.map(|budget| budget.as_millis().to_string()));
     if effort.shaft_guard != default.effort.shaft_guard {

@@ -285,5 +285,5 @@ impl Ladder {
 
 /// The effort of a frame of no more than `samples`, whatever its error; `None` is the preview.
 pub fn effort(samples: Option<u64>) -> EffortOptions {
-    EffortOptions { preview: samples.is_none(), error: 0.0, max_samples: samples, ..EffortOptions::default() }
+    EffortOptions { preview: samples.is_none(), max_samples: samples, ..EffortOptions::default() }
 }

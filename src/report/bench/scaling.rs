@@ -243,7 +243,7 @@ impl Case<'_> {
         let Self { view, renderer, tracer, settings, interrupt, .. } = self;
         let effort = match way {
             0 => Some(EffortOptions { preview: true, ..EffortOptions::default() }),
-            1 => Some(EffortOptions { error: REFINED, ..EffortOptions::default() }),
+            1 => Some(EffortOptions { error: Some(REFINED), ..EffortOptions::default() }),
             _ => None,
         };
         let work = || -> Result<Timed<()>> {

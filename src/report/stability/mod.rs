@@ -81,7 +81,7 @@ impl Trial {
     /// Refined to the end: what remains is numerics, not a shortage of samples.
     pub fn new(scene: Scene) -> Self {
         let mut options = Options::default();
-        options.effort.error = 0.0;
+        options.effort.error = Some(0.0);
         Self { scene, options, size: None, truth: Truth::Unknown }
     }
 
