@@ -65,6 +65,8 @@ pub struct Renderer<'s> {
     /// What these options do not ask for.
     kept: Kept,
     warming_up: bool,
+    /// Whether what is blended is traced: not where samples or time are limited, but for warming up.
+    traces_veils: bool,
 }
 
 /// Samples of the frame that compiles a scene's draws, the visible faces that it is about, and, of its samples, the pixels
@@ -140,6 +142,7 @@ impl<'s> Renderer<'s> {
             step_interval: Duration::ZERO,
             kept,
             warming_up: false,
+            traces_veils: options.effort.is_unlimited(),
         })
     }
 
@@ -244,6 +247,7 @@ impl<'s> Renderer<'s> {
     ///
     /// A renderer that was warmed up with a time budget keeps to another one as well.
     pub fn set_effort(&mut self, effort: EffortOptions) {
+        self.traces_veils = effort.is_unlimited();
         self.options.effort = effort;
     }
 
@@ -319,6 +323,7 @@ impl<'s> Renderer<'s> {
                     interrupt: &self.interrupt,
                     step_interval: self.step_interval,
                     most_faces: if self.warming_up { WARM_UP_FACES } else { usize::MAX },
+                    traces_veils: self.traces_veils,
                     most_direct: if self.warming_up { WARM_UP_DIRECT } else { u64::MAX },
                 };
                 let observed = after_step.is_some();

@@ -388,6 +388,49 @@ fn panes_are_seen_before_dense_meshes() {
     gpu.finish();
 }
 
+/// Panes that no order of drawing is right for, with a shadow on them, before and behind a mirror ball.
+#[test]
+fn panes_are_blended_in_order_and_shadowed() {
+    let gpu = TestGpu::open();
+    let mut builder = SceneBuilder::new("panes through one another");
+    let boards = builder.texture(texture::chessboard(64));
+    let floor = builder.material(matte("floor").textured(boards));
+    builder.mesh("floor", shape::plane(vec3(-2.0, 0.0, 2.0), Vec3::X * 4.0, Vec3::NEG_Z * 4.0, 1.0), floor);
+    let metal = builder.material(chrome("silver", Vec3::splat(0.9)));
+    builder.mesh("ball", shape::sphere(vec3(0.0, 0.6, 0.0), 0.5, 2), metal);
+    for (name, color, corner, right) in [
+        ("red", vec3(0.8, 0.1, 0.1), vec3(-1.2, 0.0, 0.9), vec3(2.4, 0.0, -0.5)),
+        ("green", vec3(0.1, 0.8, 0.1), vec3(-1.2, 0.0, 0.4), vec3(2.4, 0.0, 0.5)),
+        ("blue", vec3(0.1, 0.1, 0.8), vec3(-1.5, 0.0, -1.0), vec3(3.0, 0.0, 0.0)),
+    ] {
+        let blended = AlphaMode::Blend;
+        let base_color = color.extend(0.5);
+        let pane = Material { base_color, alpha_mode: blended, double_sided: true, ..matte(name) };
+        let pane = builder.material(pane);
+        builder.mesh(name, shape::plane(corner, right, Vec3::Y * 1.1, 1.0), pane);
+    }
+    builder.point_light(vec3(0.3, 4.0, 2.5), Vec3::splat(60.0));
+    builder.camera(Camera::look_at(vec3(0.2, 1.4, 3.6), vec3(0.0, 0.5, 0.0), 0.8));
+    let scene = builder.build().unwrap();
+    for (mode, visibility, msaa) in [
+        (Mode::MultiTexture, VisibilityWay::IdBuffer, Msaa::One),
+        (Mode::MultiPass, VisibilityWay::IdBuffer, Msaa::One),
+        (Mode::MultiTexture, VisibilityWay::SinglePass, Msaa::One),
+        (Mode::MultiTexture, VisibilityWay::Device, Msaa::Four),
+    ] {
+        let mut options = options(320, 256);
+        (options.method.mode, options.method.visibility, options.method.msaa) = (mode, visibility, msaa);
+        let frame = gpu.render(&scene, &options);
+        let truth = image(&options, &traced(&scene, &options, 1, None));
+        let far =
+            |(a, b): &(&[f32; 3], &[f32; 3])| (Vec3::from(**a) - Vec3::from(**b)).abs().max_element() > 0.1;
+        let wrong = frame.image.pixels.iter().zip(&truth.pixels).filter(far).count();
+        println!("{mode:?}, {visibility:?}, {msaa:?}: {wrong} pixels are wrong");
+        assert!(wrong < 320, "{mode:?}, {visibility:?}, {msaa:?}: {wrong} pixels are wrong");
+    }
+    gpu.finish();
+}
+
 #[test]
 fn a_larger_error_takes_fewer_rays() {
     let gpu = TestGpu::open();

@@ -21,6 +21,7 @@ use crate::refine::per_pixel::{self, TracedPixel};
 use crate::refine::pixels::Shown;
 use crate::refine::predict::Predictor;
 use crate::refine::reserve::Reserve;
+use crate::refine::veils::{self, Veils};
 use crate::refine::{Refiner, StoppedBy, pixels};
 use crate::report::stats::{self, Stats};
 use crate::scene::View;
@@ -51,6 +52,8 @@ pub(super) struct Job<'a> {
     pub step_interval: Duration,
     /// Visible faces that are sampled at most, of all parts of the scene.
     pub most_faces: usize,
+    /// Whether what is blended is traced, not drawn.
+    pub traces_veils: bool,
     /// Pixels of faces beside the refined mesh that are traced at most.
     pub most_direct: u64,
 }
@@ -98,10 +101,11 @@ impl Job<'_> {
         // The paper's queue knows no guard.
         let shaft_guard = options.effort.shaft_guard && reconstruction == Reconstruction::Exact;
         let predictor = Predictor { targets, structures, scene, view, reconstruction, shaft_guard };
-        let direct = match reconstruction {
-            Reconstruction::Exact => Direct::find(scene, view, visible),
-            Reconstruction::Paper => Direct::none(),
-        };
+        let exact = reconstruction == Reconstruction::Exact;
+        // Drawn in a picture of their own, before all else; where samples are counted, blended as they are.
+        let veils = if exact && self.traces_veils { Veils::find(scene, view) } else { Veils::default() };
+        let blends = veils.is_empty() && scene.objects.iter().any(|object| veils::is_veil(scene, object));
+        let direct = if exact && !blends { Direct::find(scene, view, visible) } else { Direct::none() };
         let in_mesh: Vec<u32> = visible.visible.iter().copied().filter(|&face| !direct.is(face)).collect();
         let seeds = adjacency.one_ring(scene, topology, &direct.without(classes), view, &in_mesh);
         let some = seeds.len().div_ceil(self.most_faces).max(1);
@@ -112,18 +116,24 @@ impl Job<'_> {
         let mut refiner = Refiner::new(&context, &predictor, mesh, shown, vertices);
         refiner.reserve = self.reserve;
         let direct_started = Instant::now();
-        let (direct_pixels, direct_rays) = direct.trace(
+        let (mut direct_pixels, mut direct_rays) = direct.trace(
             &context,
             visible.ids,
             self.most_direct,
             traced_before.as_deref_mut(),
             self.interrupt,
         )?;
-        let direct_time = direct_started.elapsed();
         refiner.add_direct(direct_pixels.len() as u64);
+        let (veiled, veiled_rays) = veils.trace(&context, self.most_direct, self.interrupt)?;
+        direct_pixels.retain(|pixel| !veils.covers(pixel.index));
+        direct_pixels.extend(veiled);
+        direct_rays += veiled_rays;
+        let depth = if veils.is_empty() { direct.depth } else { Veils::depth(view) };
+        let direct_time = direct_started.elapsed();
         let with = |pixels: Vec<TracedPixel>, refiner: &Refiner, preview: bool| {
-            let (faces, depth) = (refiner.pixel_faces.as_slice(), direct.depth);
-            self.assemble(refiner, leaves::Traced { pixels, faces, direct: &direct_pixels, depth }, preview)
+            let (faces, veiled) = (refiner.pixel_faces.as_slice(), !veils.is_empty());
+            let traced = leaves::Traced { pixels, faces, direct: &direct_pixels, depth, veiled };
+            self.assemble(refiner, traced, preview)
         };
         // When a step was seen, and how long it took to show.
         let mut seen: Option<(Instant, Duration)> = None;

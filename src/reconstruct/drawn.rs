@@ -64,6 +64,11 @@ impl Drawn {
         self.groups().iter().map(|&(_, count)| u64::from(count)).sum()
     }
 
+    /// Whether all that is blended is among them.
+    pub fn veiled(&self) -> bool {
+        matches!(self, Self::Exact(Leaves { veiled: true, .. }))
+    }
+
     /// Whether nothing is drawn.
     pub fn is_empty(&self) -> bool {
         self.len() == 0

@@ -50,12 +50,17 @@ pub struct Group {
     /// Whether the frustum may clip them: they are drawn apart, a few at a time (see
     /// [`clusters`](crate::visibility::clusters)).
     pub cut: bool,
+    /// Whether it is the picture of pixels that are traced beside the mesh, which any face may lie behind.
+    pub picture: bool,
 }
 
 impl Group {
+    /// The group of that picture.
+    const PICTURE: Self = Self { kind: LEAVES_TRACED, arrays: [0; 3], cut: true, picture: true };
+
     /// The group of leaves that traced pixels cover.
     fn traced(cut: bool) -> Self {
-        Self { kind: LEAVES_TRACED, arrays: [0; 3], cut }
+        Self { kind: LEAVES_TRACED, arrays: [0; 3], cut, picture: false }
     }
 
     /// The group of leaves with own texture `own` and these nodes.
@@ -67,7 +72,7 @@ impl Group {
             _ => LEAVES_ALL,
         };
         let node_array = if kind == LEAVES_ALL { MIXED_ARRAYS } else { nodes.node_array.unwrap_or(0) };
-        Self { kind, arrays: [array_of(own), array_of(nodes.first_texture), node_array], cut }
+        Self { kind, arrays: [array_of(own), array_of(nodes.first_texture), node_array], cut, picture: false }
     }
 }
 
@@ -95,6 +100,8 @@ pub struct Leaves {
     pub overflow: u64,
     /// Whether anything is Gouraud-shaded of reflection and of transmission.
     pub combined: [bool; 2],
+    /// Whether all that is blended is among the traced pixels.
+    pub veiled: bool,
 }
 
 impl Leaves {
@@ -123,6 +130,8 @@ pub struct Traced<'a> {
     pub direct: &'a [DirectPixel],
     /// See [`Direct::depth`](crate::refine::direct::Direct::depth).
     pub depth: f32,
+    /// Whether all that is blended is among them.
+    pub veiled: bool,
 }
 
 /// Assembles the leaves of `mesh` with vertices of `layout`, in parallel and in an order that depends on the mesh alone,
@@ -135,13 +144,14 @@ pub fn assemble(
     samples: &Samples,
     traced: Traced,
 ) -> Leaves {
-    let Traced { pixels, faces: pixel_faces, direct, depth } = traced;
+    let Traced { pixels, faces: pixel_faces, direct, depth, veiled } = traced;
     let picture = blocks::around(view, direct.iter().map(|pixel| pixel.index));
     let corners = picture.as_ref().map_or([Vec3::ZERO; 4], |[columns, rows]| {
-        let corner = |x: u32, y: u32| view.at_depth(Vec2::new(x as f32, y as f32), depth);
-        let (left, right) = (columns.start, columns.end);
-        [(left, rows.start), (right, rows.start), (right, rows.end), (left, rows.end)]
-            .map(|(x, y)| corner(x, y))
+        let corner = |x: f32, y: f32| view.at_depth(Vec2::new(x, y), depth);
+        // A pixel farther than it reaches, for its corners are rounded; what is not of it is not drawn.
+        let [(left, right), (top, bottom)] =
+            [columns, rows].map(|range| (range.start as f32 - 1.0, range.end as f32 + 1.0));
+        [(left, top), (right, top), (right, bottom), (left, bottom)].map(|(x, y)| corner(x, y))
     });
     let room = if picture.is_some() { corners.len() } else { 0 };
     let count = mesh.vertices.len();
@@ -181,7 +191,7 @@ pub fn assemble(
     drop(stage);
     drop(pixels);
 
-    let mut result = Leaves { vertices, ..Leaves::default() };
+    let mut result = Leaves { vertices, veiled, ..Leaves::default() };
     let mut groups: BTreeMap<Group, Vec<GpuLeaf>> = BTreeMap::new();
     let mut first = 0;
     // The largest part comes first, so that it is handed over and gone before the device has copies of the others.
@@ -189,7 +199,7 @@ pub fn assemble(
         let texels = blocks::picture(view, around, direct);
         let halves = [[0, 1, 2], [0, 2, 3]].map(|corners| corners.map(|corner| count as u32 + corner));
         let leaf = |vertices| GpuLeaf { vertices, flags: LEAF_TRACED, ..GpuLeaf::zeroed() };
-        groups.entry(Group::traced(true)).or_default().extend(halves.map(leaf));
+        groups.entry(Group::PICTURE).or_default().extend(halves.map(leaf));
         first = texels.len() as u32;
         result.nodes.push(texels);
     }

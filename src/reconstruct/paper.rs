@@ -175,7 +175,10 @@ pub fn assemble(
     let mut groups: BTreeMap<Group, Vec<PaperLeaf>> = BTreeMap::new();
     for (leaf, defined, cut) in built {
         let kind = if defined.is_some() { LEAVES_NODES } else { LEAVES_PLAIN };
-        groups.entry(Group { kind, arrays: leaf.textures.map(array_of), cut }).or_default().push(leaf);
+        groups
+            .entry(Group { kind, arrays: leaf.textures.map(array_of), cut, picture: false })
+            .or_default()
+            .push(leaf);
         result.defined += u32::from(defined == Some(true));
         result.undefined += u32::from(defined == Some(false));
     }

@@ -221,7 +221,10 @@ impl Painter {
         for &key in &base_keys {
             self.pipeline(key)?;
         }
-        let blended = self.blended_draws(block.eye);
+        let blended = match leaves {
+            Some(leaves) if leaves.veiled() => Vec::new(),
+            _ => self.blended_draws(block.eye),
+        };
         let frustum = block.frustum();
 
         self.uploads.write(&self.frame, 0, std::slice::from_ref(block))?;

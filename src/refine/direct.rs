@@ -10,7 +10,7 @@ use rayon::prelude::*;
 use super::per_pixel::{self, HalfRadiance};
 use super::store::PixelStore;
 use crate::error::{Error, Result};
-use crate::scene::{AlphaMode, Object, Scene, View};
+use crate::scene::{Scene, View};
 use crate::trace::Rays;
 use crate::trace::sample::Context;
 use crate::trace::wave::Points;
@@ -32,13 +32,11 @@ const BATCH: usize = 64;
 /// Share of the way from the eye to the nearest of these faces at which their picture is drawn: before all that they hide.
 const BEFORE: f32 = 0.5;
 
-/// A pixel of such a face.
+/// A pixel that is traced beside the mesh.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct DirectPixel {
     /// `y · width + x`.
     pub index: u32,
-    /// The scene's face that it shows.
-    pub base: u32,
     /// Linear radiance.
     pub radiance: HalfRadiance,
 }
@@ -63,11 +61,11 @@ impl Direct {
     }
 
     /// Those of `found`, if they are many: specular faces of fewer than eight pixels. It must be known which
-    /// pixels show them, and nothing be blended before them.
+    /// pixels show them.
     pub fn find(scene: &Scene, view: &View, found: &Found) -> Self {
         let counts = &found.faces.pixels_per_face;
         let is_small = |&&face: &&u32| (1..FEW_PIXELS).contains(&counts[face as usize]) && scene.is_vt(face);
-        if found.ids.is_none() || found.visible.len() < MANY || has_veils(scene) {
+        if found.ids.is_none() || found.visible.len() < MANY {
             return Self::none();
         }
         let faces: Vec<u32> = found.visible.par_iter().filter(is_small).copied().collect();
@@ -147,8 +145,10 @@ impl Direct {
             }
         }
         if let Some(store) = store {
-            for &DirectPixel { index, base, radiance } in &all {
-                store.insert(index, base, radiance);
+            for &DirectPixel { index, radiance } in &all {
+                if let Some(base) = ids.face(index % context.view.width, index / context.view.width) {
+                    store.insert(index, base, radiance);
+                }
             }
         }
         Ok((all, total))
@@ -178,7 +178,7 @@ impl Direct {
                         points.add(ray.1, hit);
                     }
                 }
-                pixels.push(DirectPixel { index, base, radiance: kept.unwrap_or_default() });
+                pixels.push(DirectPixel { index, radiance: kept.unwrap_or_default() });
             }
             for (pixel, radiance) in pending.drain(..).zip(points.radiances()) {
                 pixels[pixel].radiance = radiance.into();
@@ -186,13 +186,4 @@ impl Direct {
         }
         (pixels, points.rays())
     }
-}
-
-/// Whether there are BLEND faces that do not count as opaque: they are drawn last, and one depth for all pixels of a picture
-/// does not tell which of them stand before it.
-fn has_veils(scene: &Scene) -> bool {
-    let is_blended = |object: &Object| {
-        !object.vt && scene.materials[object.material as usize].alpha_mode == AlphaMode::Blend
-    };
-    scene.objects.iter().any(is_blended)
 }

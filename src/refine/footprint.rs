@@ -32,7 +32,7 @@ impl Footprint {
     }
 
     /// That of a triangle.
-    fn of(view: &View, corners: [Vec3; 3]) -> Self {
+    pub fn of(view: &View, corners: [Vec3; 3]) -> Self {
         let (mut low, mut high) = (Vec2::splat(f32::INFINITY), Vec2::splat(f32::NEG_INFINITY));
         let mut reach = |pixel: Vec2| (low, high) = (low.min(pixel), high.max(pixel));
         let projected = corners.map(|corner| view.project(corner).map(|(pixel, _)| pixel));

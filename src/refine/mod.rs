@@ -17,6 +17,7 @@ pub mod predict;
 pub mod reserve;
 pub mod samples;
 pub mod store;
+pub mod veils;
 
 use std::cmp::Ordering;
 use std::collections::BinaryHeap;

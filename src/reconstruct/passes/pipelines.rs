@@ -49,7 +49,7 @@ pub(super) fn leaf_key(options: &PassOptions, pass: ColorPass, index: usize, gro
         components: pass.components,
         blend: if index == 0 { PassBlend::First } else { PassBlend::Later },
         cull: false,
-        mark: if options.single_pass { Mark::Needed } else { Mark::Ignored },
+        mark: if options.single_pass && !group.picture { Mark::Needed } else { Mark::Ignored },
     }
 }
 

@@ -1,0 +1,124 @@
+//! BLEND faces, which view rays pass in part: their pixels are traced, for no order of drawing is right for all of them, and
+//! what is drawn last has no samples that know of shadows.
+
+use std::sync::atomic::{AtomicBool, Ordering};
+
+use glam::Vec2;
+use rayon::prelude::*;
+
+use super::direct::DirectPixel;
+use super::footprint::{Footprint, ROUNDING};
+use crate::error::{Error, Result};
+use crate::scene::{AlphaMode, Object, Scene, View};
+use crate::trace::Rays;
+use crate::trace::eye::ViewRays;
+use crate::trace::sample::Context;
+
+/// Side of the squares of pixels that are traced together.
+const TILE: u32 = 16;
+
+/// Roundings of the eye's largest coordinate at which their picture is drawn before the eye: nearer its corners would not be
+/// where they should, and what stands nearer hides it.
+const NEAREST: f32 = 4096.0 * f32::EPSILON;
+
+/// Whether `object` is drawn blended: specular ones count as opaque.
+pub fn is_veil(scene: &Scene, object: &Object) -> bool {
+    !object.vt && scene.materials[object.material as usize].alpha_mode == AlphaMode::Blend
+}
+
+/// The pixels that BLEND faces may show in.
+#[derive(Debug, Default)]
+pub struct Veils {
+    /// By pixel; empty if there is none.
+    covered: Vec<bool>,
+    /// How many they are.
+    pixels: u64,
+}
+
+impl Veils {
+    /// Those of the scene in `view`.
+    pub fn find(scene: &Scene, view: &View) -> Self {
+        let mut covered = Vec::new();
+        for object in scene.objects.iter().filter(|object| is_veil(scene, object)) {
+            let culled = !scene.materials[object.material as usize].double_sided;
+            for face in object.faces.clone() {
+                let corners = scene.geometry.corners(face);
+                let towards = view.direction_to(corners[0]);
+                if culled && scene.geometry.area_normal(face).dot(towards) > 0.0 {
+                    continue;
+                }
+                let footprint = Footprint::of(view, corners);
+                if footprint.is_empty() {
+                    continue;
+                }
+                covered.resize(view.pixels(), false);
+                for y in footprint.rows.clone() {
+                    let row = (y * view.width) as usize;
+                    let span = footprint.span(y, ROUNDING);
+                    covered[row + span.start as usize..row + span.end as usize].fill(true);
+                }
+            }
+        }
+        let pixels = covered.par_iter().filter(|&&covered| covered).count() as u64;
+        Self { covered, pixels }
+    }
+
+    /// Whether there is none.
+    pub fn is_empty(&self) -> bool {
+        self.covered.is_empty()
+    }
+
+    /// Depth before the eye, along the view's axis, at which their picture is drawn: before all that they are blended with.
+    pub fn depth(view: &View) -> f32 {
+        (view.eye.abs().max_element() * NEAREST).max(2.0 * view.near)
+    }
+
+    /// Whether pixel `index` is one of them.
+    pub fn covers(&self, index: u32) -> bool {
+        self.covered.get(index as usize).is_some_and(|&covered| covered)
+    }
+
+    /// Traces them, with all that is seen through them; where they are more than `most`, those of some rows alone, about as
+    /// many.
+    ///
+    /// # Errors
+    /// [`Error::Interrupted`] once `interrupt` is set.
+    pub fn trace(
+        &self,
+        context: &Context,
+        most: u64,
+        interrupt: &AtomicBool,
+    ) -> Result<(Vec<DirectPixel>, Rays)> {
+        if self.is_empty() {
+            return Ok(Default::default());
+        }
+        let Context { tracer, settings, view, .. } = *context;
+        let stride = self.pixels.div_ceil(most).max(1) as usize;
+        let bands = (0..view.height.div_ceil(TILE)).into_par_iter().step_by(stride).map(|band| {
+            let rows = band * TILE..((band + 1) * TILE).min(view.height);
+            let mut rays = ViewRays::new(tracer, settings, true);
+            let mut pixels: Vec<DirectPixel> = Vec::new();
+            for left in (0..view.width).step_by(TILE as usize) {
+                if interrupt.load(Ordering::Relaxed) {
+                    return Err(Error::Interrupted);
+                }
+                let columns = left..(left + TILE).min(view.width);
+                let first = pixels.len();
+                for (x, y) in rows.clone().flat_map(|y| columns.clone().map(move |x| (x, y))) {
+                    let index = y * view.width + x;
+                    if self.covers(index) {
+                        rays.add(view.ray(Vec2::new(x as f32, y as f32) + 0.5));
+                        pixels.push(DirectPixel { index, radiance: Default::default() });
+                    }
+                }
+                for (pixel, &radiance) in pixels[first..].iter_mut().zip(rays.radiances()) {
+                    pixel.radiance = radiance.into();
+                }
+            }
+            Ok((pixels, rays.rays()))
+        });
+        let bands: Vec<(Vec<DirectPixel>, Rays)> = bands.collect::<Result<_>>()?;
+        let rays = bands.iter().fold(Rays::default(), |sum, &(_, rays)| sum + rays);
+        Ok((bands.into_iter().flat_map(|(pixels, _)| pixels).collect(), rays))
+    }
+}
