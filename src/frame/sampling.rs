@@ -162,7 +162,11 @@ impl Job<'_> {
             if traced_before.is_some() {
                 kept_rays += rays;
             }
-            after_step(&mut with(pixels, refiner, refiner.steps == 0), refiner, rays + direct_rays)?;
+            after_step(
+                &mut with(pixels, refiner, refiner.steps == 0),
+                refiner,
+                rays + direct_rays + refiner.border_rays,
+            )?;
             seen = Some((Instant::now(), started.elapsed()));
             Ok(())
         };
@@ -177,7 +181,7 @@ impl Job<'_> {
         let Refiner { mesh, pixel_faces, .. } = &refiner;
         let (traced_pixels, pixel_rays) =
             per_pixel::trace(&context, mesh, shown, pixel_faces, traced_before, self.interrupt)?;
-        let pixel_rays = pixel_rays + kept_rays;
+        let pixel_rays = pixel_rays + kept_rays + refiner.border_rays;
         let pixels_ms = ms(time);
         let tracing = refiner.samples.time + direct_time;
         stats.time_ms.trace = tracing.as_secs_f64() * 1e3 + pixels_ms;

@@ -70,7 +70,7 @@ impl Refiner<'_> {
             .collect();
         for (crossings, rays) in found {
             self.crossings.extend(crossings);
-            self.samples.rays += rays;
+            self.border_rays += rays;
         }
     }
 

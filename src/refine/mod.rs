@@ -35,6 +35,7 @@ use self::reserve::Reserve;
 use self::samples::Samples;
 use self::store::SampleStore;
 use crate::options::{EffortOptions, Reconstruction};
+use crate::trace::Rays;
 use crate::trace::sample::Context;
 
 /// Longest edge, in pixels, at which a face is no longer bisected but its pixels are traced: where time counts, for many
@@ -112,6 +113,8 @@ pub struct Refiner<'a> {
     queue: BinaryHeap<Entry>,
     /// Where shadows' borders go on, and nothing else says it.
     crossings: Vec<Crossing>,
+    /// Rays that looked for these.
+    pub border_rays: Rays,
     /// By material: whether it has a normal map that pixels can be traced for.
     mapped: Vec<bool>,
     /// In double precision: there may be more pixels than single precision counts.
@@ -174,6 +177,7 @@ impl<'a> Refiner<'a> {
             predicted: Vec::new(),
             queue: BinaryHeap::new(),
             crossings: Vec::new(),
+            border_rays: Rays::default(),
             mapped,
             pixel_budget_used: 0.0,
             total_pixels: 0.0,

@@ -104,7 +104,7 @@ pub struct Rays {
     pub reflected: u64,
     pub transmitted: u64,
     pub shadow: u64,
-    /// Rays of pixels that were traced one by one.
+    /// Rays of pixels that were traced one by one, and of points between them where shadows' borders are followed.
     pub pixel: u64,
 }
 
