@@ -71,7 +71,7 @@ pub struct MethodArgs {
     /// Coverage samples of a pixel that share one shading
     #[arg(long, default_value_t, value_parser = values::choice::<Msaa>())]
     pub msaa: Msaa,
-    /// Samples of a pixel that are each shaded
+    /// Samples of a pixel that are each shaded; a pixel that was traced has one colour: --pixel-samples smooths those, too
     #[arg(long, default_value_t, value_parser = values::choice::<Ss>())]
     pub ss: Ss,
     /// Trace pixels of the finished picture that differ from one beside them again, with up to so many samples
