@@ -1,10 +1,12 @@
 //! What is known of a face from its corners' samples, how far that is trusted, and how soon the face is looked at again.
 
+use glam::Vec3;
 use rayon::prelude::*;
 
 use super::predict::{self, Corner, Deviation};
 use super::{Entry, Refiner, guard, pixels};
 use crate::options::Reconstruction;
+use crate::scene::View;
 use crate::scene::patch::TargetId;
 
 /// Exploration: squared error assumed of a face that nothing is known of. It fades by level, and for large faces
@@ -85,6 +87,8 @@ pub(super) struct State {
     pub size: f32,
     /// Whether its samples say too little of it, unless its pixels are traced.
     pub blind: bool,
+    /// Whether, if so, it is looked into before others: it is a large part of the picture, or bent all over.
+    pub urgent: bool,
     /// Whether it is not large, and so much too curved that its smallest halves would be, too.
     pub hopeless: bool,
     /// Whether its pixels are traced one by one.
@@ -120,6 +124,7 @@ impl Refiner<'_> {
                     return State { deviation, size, ..State::default() };
                 }
                 let corners = self.mesh.faces[face as usize].corners.map(|v| self.corner(v));
+                let shown = size * self.stretch(face);
                 let (guarded, clear) = self.guarded(face, corners, clear);
                 State {
                     deviation: self.predictor.face(corners, size).plus(deviation),
@@ -128,9 +133,10 @@ impl Refiner<'_> {
                     pixels,
                     whole,
                     size,
+                    urgent: shown > self.reach() || self.is_mapped(face),
                     blind: self.is_mapped(face)
                         || self.is_curved(face, corners, CURVED)
-                        || self.is_large(size, corners),
+                        || self.is_large(shown, corners),
                     hopeless: size <= HOPELESS_SHARE * self.reach()
                         && self.is_curved(
                             face,
@@ -162,6 +168,10 @@ impl Refiner<'_> {
         let waits = self.target.is_none() && self.is_blind(face);
         let unseen = if waits { 2.0 * NEGLIGIBLE } else { self.unseen(face) };
         let worth = self.known(face) + (EXPLORE * fade).max(unseen);
+        // The paper's refinement does not end before them, whatever else it would bisect down to a pixel first.
+        let paper = self.predictor.reconstruction == Reconstruction::Paper;
+        let first = paper && self.target.is_some() && self.is_urgent(face);
+        let worth = if first { worth.max(1.0) } else { worth };
         let negligible = self.target.map_or(NEGLIGIBLE, |[_, color]| NEGLIGIBLE.min(color * color));
         if pixels > 0.0 && worth > negligible {
             self.queue.push(Entry { priority: worth * pixels, face });
@@ -174,6 +184,20 @@ impl Refiner<'_> {
         for face in self.mesh.leaves().collect::<Vec<u32>>() {
             self.enqueue(face);
         }
+    }
+
+    /// Pixels that a pixel's width at the middle of the image, as seen from the eye, takes where a face is: more towards the
+    /// borders of wide views, along the line from the middle as the squared secant of the angle to it.
+    fn stretch(&self, face: u32) -> f32 {
+        let View { orthographic, forward, half, .. } = *self.context.view;
+        if orthographic {
+            return 1.0;
+        }
+        let towards: Vec3 =
+            self.mesh.faces[face as usize].corners.map(|corner| self.mesh.image(corner)).iter().sum();
+        let cos = towards.normalize_or_zero().dot(forward);
+        // No farther than the frame's corner.
+        cos.max(0.0).powi(2).recip().min(1.0 + half.length_squared())
     }
 
     /// Squared error of colour that is expected of each pixel of a face for what its samples say.
@@ -223,7 +247,7 @@ impl Refiner<'_> {
 
     /// Whether a blind face is looked into before others: it is a large part of the picture, or bent all over.
     fn is_urgent(&self, face: u32) -> bool {
-        self.is_blind(face) && (self.state[face as usize].size > self.reach() || self.is_mapped(face))
+        self.is_blind(face) && self.state[face as usize].urgent
     }
 
     /// Whether such a face is queued.
