@@ -54,7 +54,7 @@ pub(super) struct Job<'a> {
     pub most_faces: usize,
     /// Whether what is blended is traced, not drawn.
     pub traces_veils: bool,
-    /// Pixels of faces beside the refined mesh that are traced at most.
+    /// Pixels beside the refined mesh that are traced at most, of faces left out of it and of what is blended each.
     pub most_direct: u64,
 }
 

@@ -126,9 +126,9 @@ pub struct Traced<'a> {
     pub pixels: Vec<TracedPixel>,
     /// These leaves.
     pub faces: &'a [u32],
-    /// Those of faces beside the mesh.
+    /// Those beside the mesh: of faces left out of it, and of what is blended.
     pub direct: &'a [DirectPixel],
-    /// See [`Direct::depth`](crate::refine::direct::Direct::depth).
+    /// Depth before the eye at which their picture is drawn: before all that they hide.
     pub depth: f32,
     /// Whether all that is blended is among them.
     pub veiled: bool,
