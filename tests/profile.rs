@@ -87,12 +87,17 @@ fn checks_fail_where_a_promise_is_not_kept() {
     let folder = tempfile::tempdir().unwrap();
     let cup = folder.path().join("cup.glb");
     std::fs::write(&cup, Demo::Cup.glb()).unwrap();
-    let mut vtrace = std::process::Command::new(env!("CARGO_BIN_EXE_vtrace"));
-    let output = vtrace.args(["profile", "--quick", "--check"]).arg(&cup).output().unwrap();
+    let check = |check| {
+        let mut vtrace = std::process::Command::new(env!("CARGO_BIN_EXE_vtrace"));
+        vtrace.args(["profile", "--quick", check]).arg(&cup).output().unwrap()
+    };
+    let output = check("--check");
     let [said, complaint] = [output.stdout, output.stderr].map(|bytes| String::from_utf8(bytes).unwrap());
     let bound = said.lines().find(|line| line.contains("reading back and scanning 1280x1024"));
     let bound = bound.unwrap_or_else(|| panic!("{complaint}"));
     let kept = bound.ends_with("at most 1.5: kept");
     assert!(kept || bound.ends_with("NOT KEPT"), "{bound}");
     assert_eq!((output.status.success(), complaint.contains("NOT KEPT")), (kept, !kept), "{complaint}");
+    assert!(check("--check=1000").status.success(), "with room for a thousand times as much");
+    assert_eq!(check("--check=0.5").status.code(), Some(2), "room is at least 1");
 }

@@ -4,7 +4,7 @@ use std::path::PathBuf;
 
 use clap::Args;
 
-use super::{args::ThreadArgs, scene, terminal};
+use super::{args::ThreadArgs, scene, terminal, values};
 use crate::{
     error::{Error, Result},
     gpu::{Gpu, Options as DeviceOptions},
@@ -32,9 +32,16 @@ pub struct ProfileArgs {
     quick: bool,
     /// Fail where what is promised of 1280x1024 pixels is not kept: reading back and scanning in at most 1.5 plain copies
     /// and, unless --quick or on a software device, counting a million triangles on the device in less time than that way
-    /// takes
-    #[arg(long)]
-    check: bool,
+    /// takes. With room, so many times as much: for machines that have other work to do
+    #[arg(
+        long,
+        value_name = "ROOM",
+        num_args = 0..=1,
+        require_equals = true,
+        default_missing_value = "1",
+        value_parser = values::at_least_one
+    )]
+    check: Option<f32>,
     /// Device to measure, by name or by index of `vtrace devices`
     #[arg(long, value_name = "NAME|INDEX", help_heading = "Machine")]
     device: Option<String>,
@@ -60,8 +67,11 @@ pub(super) fn run(args: &ProfileArgs) -> Result<()> {
         write_plot(&folder.join("profile.svg"), &profile)?;
     }
     terminal::print(&if args.json { json } else { profile.to_string() })?;
-    match profile.bounds.iter().find(|bound| args.check && bound.promised && !bound.holds) {
-        Some(bound) => Err(Error::Bound(format!("{bound}; on a machine with other work to do, try again"))),
+    let Some(room) = args.check else { return Ok(()) };
+    match profile.bounds.iter().find(|bound| bound.promised && bound.ratio > f64::from(room) * bound.most) {
+        Some(bound) => Err(Error::Bound(format!(
+            "{bound}, with room for {room} times as much; on a machine with other work to do, try again"
+        ))),
         None => Ok(()),
     }
 }

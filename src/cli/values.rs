@@ -59,6 +59,11 @@ pub fn non_negative(text: &str) -> Result<f32, String> {
     number(text, "0 or more", |v| v >= 0.0)
 }
 
+/// A number from 1 on.
+pub fn at_least_one(text: &str) -> Result<f32, String> {
+    number(text, "1 or more", |v| v >= 1.0)
+}
+
 /// A number from 0 to 1.
 pub fn fraction(text: &str) -> Result<f32, String> {
     number(text, "from 0 to 1", |v| (0.0..=1.0).contains(&v))
