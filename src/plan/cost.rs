@@ -11,7 +11,7 @@ use crate::reconstruct::{
     passes::{self, TargetDesc},
     table::Texel,
 };
-use crate::scene::{AlphaMode, Scene};
+use crate::scene::{AlphaMode, Object, Scene};
 use crate::visibility::{Class, MaskVertex, classes, face_draw};
 
 /// Buffers or images of one purpose.
@@ -50,12 +50,12 @@ impl Plan {
         };
         let single_pass = self.traces() && way == VisibilityWay::SinglePass;
 
-        let blended = |material: u32| scene.materials[material as usize].alpha_mode == AlphaMode::Blend;
+        let material = |object: &Object| &scene.materials[object.material as usize];
         let base = scene
             .objects
             .iter()
             .zip(&classes)
-            .filter(|(object, class)| base::contains(**class, blended(object.material), single_pass))
+            .filter(|(object, class)| base::contains(**class, material(object), single_pass))
             .fold([0, 0], |[vertices, records], (object, _)| {
                 let vertex = self.vertex_layout().bytes();
                 [
@@ -108,15 +108,14 @@ impl Plan {
             },
         ];
         if self.traces() && !single_pass {
-            let masked = scene.objects.iter().any(|object| {
-                matches!(scene.materials[object.material as usize].alpha_mode, AlphaMode::Mask(_))
-            });
+            let masked = |object: &Object| matches!(material(object).alpha_mode, AlphaMode::Mask(_));
+            let masked = scene.objects.iter().any(masked);
             let mask = if masked { vertices * size_of::<MaskVertex>() as u64 } else { 0 };
             let drawn: u64 = scene
                 .objects
                 .iter()
                 .zip(&classes)
-                .filter(|(object, class)| !blended(object.material) || **class == Class::Vt)
+                .filter(|(object, class)| !material(object).is_veil(**class == Class::Vt))
                 .map(|(object, _)| object.faces.len() as u64)
                 .sum();
             let parts = [12 * vertices, 12 * faces, 4 * drawn, mask];

@@ -8,7 +8,7 @@ use super::passes::{BaseDraw, BaseFaces};
 use super::table::SceneTable;
 use super::vertex::{Attributes, VertexLayout};
 use crate::constants::NO_TARGET;
-use crate::scene::{AlphaMode, Geometry, Scene};
+use crate::scene::{Geometry, Material, Scene};
 use crate::visibility::{Class, Clusters, single_pass};
 
 /// Faces that are drawn without samples: all of them if nothing is traced, else occluders and blended faces.
@@ -29,10 +29,9 @@ pub fn faces(
     for (index, object) in scene.objects.iter().enumerate() {
         let class = classes.map_or(Class::Occluder, |classes| classes[index]);
         let material = &scene.materials[object.material as usize];
-        let is_blended = material.alpha_mode == AlphaMode::Blend;
         match class {
-            _ if !contains(class, is_blended, single_pass) => {}
-            Class::Occluder | Class::Shadow if is_blended => blended.push(index),
+            _ if !contains(class, material, single_pass) => {}
+            _ if material.is_veil(class == Class::Vt) => blended.push(index),
             _ => opaque.push(((class != Class::Occluder, !material.double_sided, array(index)), index)),
         }
     }
@@ -90,11 +89,11 @@ fn attributes(geometry: &Geometry, vertex: u32) -> Attributes {
     }
 }
 
-/// Whether objects of a class are among them.
-pub fn contains(class: Class, blended: bool, single_pass: bool) -> bool {
+/// Whether objects of a class and a material are among them.
+pub fn contains(class: Class, material: &Material, single_pass: bool) -> bool {
     match class {
         Class::Occluder => true,
-        Class::Shadow => blended || single_pass,
+        Class::Shadow => material.is_veil(false) || single_pass,
         Class::Vt => single_pass,
     }
 }

@@ -107,6 +107,18 @@ impl Material {
         let smooth = self.roughness == 0.0 && (self.metallic == 1.0 || self.transmission == 1.0);
         !self.unlit && (textured || !smooth)
     }
+
+    /// Whether the rasteriser leaves out a face of geometric normal `normal`, of any length, that a view ray along
+    /// `direction` meets: the back of a one-sided face.
+    pub fn culls(&self, normal: Vec3, direction: Vec3) -> bool {
+        !self.double_sided && normal.dot(direction) > 0.0
+    }
+
+    /// Whether a picture shows what lies behind it in part: BLEND, but of `specular` VT objects, which show as they are
+    /// reconstructed, whole.
+    pub fn is_veil(&self, specular: bool) -> bool {
+        self.alpha_mode == AlphaMode::Blend && !specular
+    }
 }
 
 impl Default for Material {

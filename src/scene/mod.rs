@@ -130,6 +130,11 @@ impl Scene {
         self.objects[self.geometry.face_objects[face as usize] as usize].vt
     }
 
+    /// Whether a picture shows what lies behind `object` in part.
+    pub fn is_veil(&self, object: &Object) -> bool {
+        self.materials[object.material as usize].is_veil(object.vt)
+    }
+
     /// Number of faces that belong to specular VT objects.
     pub fn vt_faces(&self) -> usize {
         self.objects.iter().filter(|object| object.vt).map(|object| object.faces.len()).sum()

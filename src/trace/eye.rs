@@ -6,7 +6,7 @@ use super::bvh::{EntryPoints, Packet};
 use super::surface::coverage;
 use super::wave::Points;
 use super::{Appearance, Hit, Rays, Settings, Surface, Tracer, shade};
-use crate::scene::{AlphaMode, Material};
+use crate::scene::Material;
 
 /// Surfaces that one view ray passes before the next stops it.
 pub(super) const MAX_LAYERS: u32 = 64;
@@ -18,9 +18,7 @@ pub fn first_drawn(tracer: &Tracer, (mut origin, direction): (Vec3, Vec3)) -> (O
         let Some(hit) = tracer.closest(origin, direction) else { return (None, u64::from(layer) + 1) };
         let record = tracer.record(hit.face);
         let material = &tracer.scene().materials[record.material as usize];
-        let is_back = !material.double_sided && record.ng.dot(direction) > 0.0;
-        let is_veil = material.alpha_mode == AlphaMode::Blend && !record.vt;
-        if !is_back && !is_veil {
+        if !material.culls(record.ng, direction) && !material.is_veil(record.vt) {
             return (Some(hit), u64::from(layer) + 1);
         }
         origin = Surface::new(tracer, hit.face, hit.u, hit.v, direction).behind();
@@ -53,8 +51,7 @@ pub struct ViewRays<'t, 's> {
 impl<'t, 's> ViewRays<'t, 's> {
     /// No ray yet. Of a `culled` picture, view rays pass the backs of one-sided faces, as the rasteriser has it.
     pub fn new(tracer: &'t Tracer<'s>, settings: &'t Settings, culled: bool) -> Self {
-        let passable =
-            |material: &Material| culled && !material.double_sided || material.alpha_mode == AlphaMode::Blend;
+        let passable = |material: &Material| culled && !material.double_sided || material.is_veil(false);
         Self {
             tracer,
             settings,
@@ -129,10 +126,8 @@ impl<'t, 's> ViewRays<'t, 's> {
             return (1.0, Vec3::ZERO);
         }
         let material = &self.tracer.scene().materials[record.material as usize];
-        let is_back = self.culled && !material.double_sided && record.ng.dot(direction) > 0.0;
-        // A rasterised picture shows VT objects as they are reconstructed, whole.
-        let is_whole = material.alpha_mode != AlphaMode::Blend || self.culled && record.vt;
-        if !is_back && is_whole {
+        let is_back = self.culled && material.culls(record.ng, direction);
+        if !is_back && !material.is_veil(self.culled && record.vt) {
             return (1.0, Vec3::ZERO);
         }
         let at = Surface::new(self.tracer, face, u, v, direction);

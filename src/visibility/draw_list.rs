@@ -83,7 +83,7 @@ impl DrawList {
             .filter_map(|(index, (object, &class))| {
                 let material = &scene.materials[object.material as usize];
                 let mask = matches!(material.alpha_mode, AlphaMode::Mask(_)).then_some(object.material);
-                let drawn = material.alpha_mode != AlphaMode::Blend || class == Class::Vt;
+                let drawn = !material.is_veil(class == Class::Vt);
                 drawn.then_some(((mask, !material.double_sided), index, object, class))
             })
             .collect();

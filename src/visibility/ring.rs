@@ -99,8 +99,7 @@ fn could_be_seen(
         return false;
     }
     let corners = scene.geometry.corners(face);
-    let towards = scene.geometry.area_normal(face).dot(view.direction_to(corners[0]));
-    (towards < 0.0 || scene.face_material(face).double_sided)
+    !scene.face_material(face).culls(scene.geometry.area_normal(face), view.direction_to(corners[0]))
         && reaches_into(clip_from_eye_relative, corners.map(|corner| corner - view.eye))
 }
 

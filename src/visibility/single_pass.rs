@@ -189,8 +189,9 @@ impl<'s> Recovery<'s> {
         /// Cosine below which rounding may decide.
         const GRAZING: f32 = 1e-3;
         let normal = self.scene.geometry.area_normal(face);
-        let towards = view.direction_to(self.scene.geometry.corners(face)[0]);
-        !self.scene.face_material(face).double_sided && normal.dot(towards) > GRAZING * normal.length()
+        let direction = view.direction_to(self.scene.geometry.corners(face)[0]);
+        let is_grazing = normal.dot(direction).abs() <= GRAZING * normal.length();
+        !is_grazing && self.scene.face_material(face).culls(normal, direction)
     }
 
     /// The candidate that shows at an image point: the nearest that covers it, else the least far off it.
