@@ -14,6 +14,7 @@
 //! | §3.1, Fig. 3 | ID buffer, readback, visible faces with their pixel counts | [`visibility`] |
 //! | §4, Eq. 1–2 | local component, reflection and transmission, samples at vertices | [`trace`] |
 //! | §3, Fig. 1–2 | adaptive refinement in object space | [`refine`] |
+//! | | pixels where samples of vertices do not serve, traced one by one | [`pixels`] |
 //! | §4, Fig. 5–6 | defined and undefined faces, interpolated coordinates | [`reconstruct::paper`] |
 //! | §5, Fig. 9 | coordinates without the paper's distortion: rays followed per fragment | [`reconstruct::nodes`] |
 //! | §4.1, §4.2, Eq. 3–4 | one multi-texture pass, or blended passes | [`reconstruct::passes`] |
@@ -43,6 +44,7 @@ pub mod error;
 pub mod frame;
 pub mod gpu;
 pub mod options;
+pub mod pixels;
 pub mod plan;
 pub mod reconstruct;
 pub mod refine;

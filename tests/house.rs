@@ -7,18 +7,33 @@ use std::{
 };
 
 /// Rooms that each room may know besides itself, `error` and `constants`.
-const ALLOWED: [(&str, &[&str]); 12] = [
+const ALLOWED: [(&str, &[&str]); 13] = [
     ("gpu", &[]),
     ("scene", &[]),
     ("options", &["scene"]),
     ("visibility", &["scene", "options", "gpu"]),
     ("trace", &["scene", "options"]),
     ("refine", &["scene", "options", "visibility", "trace"]),
-    // The image type and the stats' entries are what reconstruction hands on.
-    ("reconstruct", &["scene", "options", "gpu", "visibility", "trace", "refine", "report"]),
+    // The image type and the stats' entries are what is handed on.
+    ("pixels", &["scene", "visibility", "trace", "refine", "report"]),
+    ("reconstruct", &["scene", "options", "gpu", "visibility", "trace", "refine", "pixels", "report"]),
     ("report", &["scene", "options", "gpu", "visibility", "trace", "frame"]),
     ("plan", &["scene", "options", "visibility", "reconstruct", "report"]),
-    ("frame", &["scene", "options", "gpu", "visibility", "trace", "refine", "reconstruct", "report", "plan"]),
+    (
+        "frame",
+        &[
+            "scene",
+            "options",
+            "gpu",
+            "visibility",
+            "trace",
+            "refine",
+            "pixels",
+            "reconstruct",
+            "report",
+            "plan",
+        ],
+    ),
     ("view", &["scene", "options", "gpu", "trace", "report", "frame"]),
     ("cli", &["scene", "options", "gpu", "trace", "report", "frame", "plan", "view"]),
 ];

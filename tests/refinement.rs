@@ -4,7 +4,7 @@ use glam::Vec2;
 use proptest::prelude::*;
 use vertex_tracing::{
     options::{EffortOptions, Reconstruction},
-    refine::{Refiner, STOP_SIZE, mesh::Mesh, pixels::Shown, predict::Predictor},
+    refine::{Refiner, STOP_SIZE, mesh::Mesh, predict::Predictor, shown::Shown},
     scene::{Camera, Scene, View, demo::Demo, patch::Targets, structure::Structure, topology::Topology},
     trace::{Settings, Tracer, sample::Context},
     visibility::IdImage,

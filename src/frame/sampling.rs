@@ -9,20 +9,21 @@ use super::kept::Samples;
 use super::{Traced, ms};
 use crate::error::{Error, Result};
 use crate::options::{Options, Reconstruction};
+use crate::pixels;
+use crate::pixels::direct::Direct;
+use crate::pixels::leaves::TracedPixel;
+use crate::pixels::veils::Veils;
 use crate::reconstruct::drawn::Drawn;
 use crate::reconstruct::leaves;
 use crate::reconstruct::nodes::{Corner, Matcher};
 use crate::reconstruct::paper;
 use crate::reconstruct::show::{self, FrameData, LeafKind, Overlay};
 use crate::reconstruct::vertex::VertexLayout;
-use crate::refine::direct::Direct;
 use crate::refine::mesh::Mesh;
-use crate::refine::per_pixel::{self, TracedPixel};
-use crate::refine::pixels::Shown;
 use crate::refine::predict::Predictor;
 use crate::refine::reserve::Reserve;
-use crate::refine::veils::{self, Veils};
-use crate::refine::{Refiner, StoppedBy, pixels};
+use crate::refine::shown::{self, Shown};
+use crate::refine::{Refiner, StoppedBy};
 use crate::report::stats::{self, Stats};
 use crate::scene::View;
 use crate::scene::topology::Topology;
@@ -104,7 +105,7 @@ impl Job<'_> {
         let exact = reconstruction == Reconstruction::Exact;
         // Drawn in a picture of their own, before all else; where samples are counted, blended as they are.
         let veils = if exact && self.traces_veils { Veils::find(scene, view) } else { Veils::default() };
-        let blends = veils.is_empty() && scene.objects.iter().any(|object| veils::is_veil(scene, object));
+        let blends = veils.is_empty() && scene.objects.iter().any(|object| scene.is_veil(object));
         let direct = if exact && !blends { Direct::find(scene, view, visible) } else { Direct::none() };
         let in_mesh: Vec<u32> = visible.visible.iter().copied().filter(|&face| !direct.is(face)).collect();
         let seeds = adjacency.one_ring(scene, topology, &direct.without(classes), view, &in_mesh);
@@ -151,7 +152,7 @@ impl Job<'_> {
             }
             let started = Instant::now();
             let Refiner { mesh, pixel_faces, .. } = refiner;
-            let (pixels, rays) = per_pixel::trace(
+            let (pixels, rays) = pixels::leaves::trace(
                 &context,
                 mesh,
                 shown,
@@ -180,7 +181,7 @@ impl Job<'_> {
         let time = Instant::now();
         let Refiner { mesh, pixel_faces, .. } = &refiner;
         let (traced_pixels, pixel_rays) =
-            per_pixel::trace(&context, mesh, shown, pixel_faces, traced_before, self.interrupt)?;
+            pixels::leaves::trace(&context, mesh, shown, pixel_faces, traced_before, self.interrupt)?;
         let pixel_rays = pixel_rays + kept_rays + refiner.border_rays;
         let pixels_ms = ms(time);
         let tracing = refiner.samples.time + direct_time;
@@ -216,7 +217,7 @@ impl Job<'_> {
                     view,
                     mesh: &refiner.mesh,
                     samples: &refiner.samples,
-                    face_at: &|x, y| pixels::face_at(&context, shown, classes, x, y),
+                    face_at: &|x, y| shown::face_at(&context, shown, classes, x, y),
                     displacement: &|leaf| refiner.displacement(leaf),
                     kind: &|leaf| self.kind(&refiner, leaf, traced.contains(&leaf)),
                 },

@@ -5,10 +5,11 @@ use std::ops::Range;
 use rustc_hash::FxHashMap;
 
 use super::table::Texel;
-use crate::refine::direct::DirectPixel;
+use crate::pixels::HalfRadiance;
+use crate::pixels::direct::DirectPixel;
+use crate::pixels::leaves::TracedPixel;
 use crate::refine::footprint::{Footprint, TOUCHED};
 use crate::refine::mesh::Mesh;
-use crate::refine::per_pixel::{HalfRadiance, TracedPixel};
 use crate::scene::View;
 
 /// No traced pixel.

@@ -13,7 +13,6 @@ mod parts;
 pub mod passes;
 pub mod readback;
 pub mod show;
-pub mod smooth;
 pub mod supersample;
 pub mod table;
 pub mod vertex;

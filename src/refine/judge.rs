@@ -4,7 +4,7 @@ use glam::Vec3;
 use rayon::prelude::*;
 
 use super::predict::{self, Corner, Deviation};
-use super::{Entry, Refiner, guard, pixels};
+use super::{Entry, Refiner, guard, shown};
 use crate::options::Reconstruction;
 use crate::scene::View;
 use crate::scene::patch::TargetId;
@@ -117,7 +117,7 @@ impl Refiner<'_> {
             .map(|&(face, Inherited { deviation, clear, whole })| {
                 let (pixels, whole) = match whole {
                     true => (self.mesh.area(face), true),
-                    false => pixels::visible(&self.mesh, self.context.view, self.shown, face),
+                    false => shown::visible(&self.mesh, self.context.view, self.shown, face),
                 };
                 let size = self.mesh.size(face);
                 if pixels == 0.0 {

@@ -6,18 +6,15 @@
 
 mod borders;
 pub mod dense;
-pub mod direct;
 pub mod footprint;
 pub mod guard;
 mod judge;
 pub mod mesh;
-pub mod per_pixel;
-pub mod pixels;
 pub mod predict;
 pub mod reserve;
 pub mod samples;
+pub mod shown;
 pub mod store;
-pub mod veils;
 
 use std::cmp::Ordering;
 use std::collections::BinaryHeap;
@@ -29,10 +26,10 @@ use self::borders::Crossing;
 use self::dense::Dense;
 use self::judge::{Inherited, State};
 use self::mesh::{Mesh, Split};
-use self::pixels::Shown;
 use self::predict::{Corner, Deviation, Predictor};
 use self::reserve::Reserve;
 use self::samples::Samples;
+use self::shown::Shown;
 use self::store::SampleStore;
 use crate::options::{EffortOptions, Reconstruction};
 use crate::trace::Rays;
@@ -223,7 +220,7 @@ impl<'a> Refiner<'a> {
         !self.context.tracer.scene().is_vt(self.mesh.faces[face as usize].base)
     }
 
-    /// Lets `pixels` that are traced [beside the mesh](direct) count as refined, and against a budget.
+    /// Lets `pixels` that are traced [beside the mesh](crate::pixels::direct) count as refined, and against a budget.
     pub fn add_direct(&mut self, pixels: u64) {
         self.pixel_budget_used += pixels as f64;
         self.total_pixels += pixels as f64;

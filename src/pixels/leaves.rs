@@ -1,17 +1,16 @@
-//! Tracing the pixels that interpolation cannot serve, one by one.
+//! Pixels of leaves that interpolation cannot serve.
 
 use std::sync::atomic::{AtomicBool, Ordering};
 
 use glam::{Vec2, Vec3};
-use half::f16;
 use rayon::prelude::*;
 
-use super::footprint::{Footprint, ROUNDING};
-use super::mesh::Mesh;
-use super::pixels::Shown;
 use super::store::PixelStore;
-use crate::constants::MAX_RADIANCE;
+use super::{HalfRadiance, point_on};
 use crate::error::{Error, Result};
+use crate::refine::footprint::{Footprint, ROUNDING};
+use crate::refine::mesh::Mesh;
+use crate::refine::shown::Shown;
 use crate::trace::eye::first_drawn;
 use crate::trace::sample::Context;
 use crate::trace::wave::Points;
@@ -38,21 +37,6 @@ pub struct TracedPixel {
     pub face: u32,
     /// Linear radiance.
     pub radiance: HalfRadiance,
-}
-
-/// Linear radiance as the device reads it: three halves of at most [`MAX_RADIANCE`], and a fourth that is 1, two in a word.
-/// Millions are held at a time.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
-pub struct HalfRadiance(pub [u32; 2]);
-
-impl From<Vec3> for HalfRadiance {
-    fn from(radiance: Vec3) -> Self {
-        let [r, g, b] = radiance.clamp(Vec3::splat(-MAX_RADIANCE), Vec3::splat(MAX_RADIANCE)).to_array();
-        let pair = |low: f32, high: f32| {
-            u32::from(f16::from_f32(low).to_bits()) | u32::from(f16::from_f32(high).to_bits()) << 16
-        };
-        Self([pair(r, g), pair(b, 1.0)])
-    }
 }
 
 /// Traces the pixels whose centres lie in the leaves `faces`, from the point of the base face that shows
@@ -225,20 +209,4 @@ impl Pass<'_> {
         primary.primary += rays;
         hit.filter(|hit| hit.face == base)
     }
-}
-
-/// The point of base face `base` under a view ray, origin and direction; `None` if that has no area.
-pub(super) fn point_on(context: &Context, base: u32, (origin, direction): (Vec3, Vec3)) -> Option<Hit> {
-    let [a, b, c] = context.tracer.scene().geometry.corners(base);
-    let (e1, e2) = (b - a, c - a);
-    let p = direction.cross(e2);
-    let determinant = e1.dot(p);
-    if determinant == 0.0 {
-        return None;
-    }
-    let from_corner = origin - a;
-    let q = from_corner.cross(e1);
-    let u = (from_corner.dot(p) / determinant).clamp(0.0, 1.0);
-    let v = (direction.dot(q) / determinant).clamp(0.0, 1.0 - u);
-    Some(Hit { face: base, t: e2.dot(q) / determinant, u, v })
 }

@@ -7,8 +7,8 @@ use std::sync::atomic::{AtomicBool, Ordering};
 use glam::Vec2;
 use rayon::prelude::*;
 
-use super::per_pixel::{self, HalfRadiance};
 use super::store::PixelStore;
+use super::{HalfRadiance, point_on};
 use crate::error::{Error, Result};
 use crate::scene::{Scene, View};
 use crate::trace::Rays;
@@ -173,7 +173,7 @@ impl Direct {
                 let kept = known.and_then(|known| known.get(index, base));
                 if kept.is_none() {
                     let ray = view.ray(Vec2::new(x as f32, y as f32) + 0.5);
-                    if let Some(hit) = per_pixel::point_on(context, base, ray) {
+                    if let Some(hit) = point_on(context, base, ray) {
                         pending.push(pixels.len());
                         points.add(ray.1, hit);
                     }

@@ -7,9 +7,9 @@ use glam::Vec2;
 use rayon::prelude::*;
 
 use super::direct::DirectPixel;
-use super::footprint::{Footprint, ROUNDING};
 use crate::error::{Error, Result};
-use crate::scene::{AlphaMode, Object, Scene, View};
+use crate::refine::footprint::{Footprint, ROUNDING};
+use crate::scene::{Scene, View};
 use crate::trace::Rays;
 use crate::trace::eye::ViewRays;
 use crate::trace::sample::Context;
@@ -20,11 +20,6 @@ const TILE: u32 = 16;
 /// Roundings of the eye's largest coordinate at which their picture is drawn before the eye: nearer its corners would not be
 /// where they should, and what stands nearer hides it.
 const NEAREST: f32 = 4096.0 * f32::EPSILON;
-
-/// Whether `object` is drawn blended: specular ones count as opaque.
-pub fn is_veil(scene: &Scene, object: &Object) -> bool {
-    !object.vt && scene.materials[object.material as usize].alpha_mode == AlphaMode::Blend
-}
 
 /// The pixels that BLEND faces may show in.
 #[derive(Debug, Default)]
@@ -39,12 +34,11 @@ impl Veils {
     /// Those of the scene in `view`.
     pub fn find(scene: &Scene, view: &View) -> Self {
         let mut covered = Vec::new();
-        for object in scene.objects.iter().filter(|object| is_veil(scene, object)) {
-            let culled = !scene.materials[object.material as usize].double_sided;
+        for object in scene.objects.iter().filter(|object| scene.is_veil(object)) {
+            let material = &scene.materials[object.material as usize];
             for face in object.faces.clone() {
                 let corners = scene.geometry.corners(face);
-                let towards = view.direction_to(corners[0]);
-                if culled && scene.geometry.area_normal(face).dot(towards) > 0.0 {
+                if material.culls(scene.geometry.area_normal(face), view.direction_to(corners[0])) {
                     continue;
                 }
                 let footprint = Footprint::of(view, corners);
