@@ -12,21 +12,16 @@ use vertex_tracing::{
     frame::{Frame, Renderer},
     gpu::Fault,
     options::{DEFAULT_ERROR, Mode, Msaa, Options, Reconstruction, Shadows, Ss, VisibilityWay},
-    report::{
-        FloatImage,
-        metrics::{Encoding, compare},
-        output::write_image,
-        stats::StoppedBy,
-    },
+    report::{FloatImage, output::write_image, stats::StoppedBy},
     scene::{
-        AlphaMode, Background, Camera, Environment, Image, Material, Projection, Sampler, Scene, View, Wrap,
-        classify,
+        AlphaMode, Background, Camera, Environment, Material, Projection, Scene, View, classify,
         demo::{Demo, SceneBuilder, chrome, matte, shape},
     },
     trace::{Settings, Tracer, reference},
 };
 
-use common::TestGpu;
+use common::floor::{floor_uv, glowing_floor, shown_uv};
+use common::{TestGpu, options, psnr};
 
 /// A frame by a renderer that was warmed up, and its view.
 fn rendered(gpu: &TestGpu, scene: &Scene, options: &Options) -> (Frame, View) {
@@ -34,39 +29,6 @@ fn rendered(gpu: &TestGpu, scene: &Scene, options: &Options) -> (Frame, View) {
     let mut renderer = Renderer::new(gpu, scene, options).unwrap();
     renderer.warm_up(&view).unwrap();
     (renderer.render(&view).unwrap(), view)
-}
-
-fn options(width: u32, height: u32) -> Options {
-    let mut options = Options::default();
-    (options.view.width, options.view.height) = (width, height);
-    options
-}
-
-fn psnr(a: &FloatImage, b: &FloatImage) -> f64 {
-    compare(a, b, None, Encoding::Srgb).unwrap().psnr.unwrap_or(f64::INFINITY)
-}
-
-/// A linear texture whose red and green are its own coordinates.
-fn coordinates() -> Image {
-    const SIZE: u32 = 256;
-    let texel = |i: u32| [(i % SIZE) as u8, (i / SIZE) as u8, 0, 255];
-    let rgba: Vec<u8> = (0..SIZE * SIZE).flat_map(texel).collect();
-    Image { name: "coordinates".into(), width: SIZE, height: SIZE, rgba: rgba.into() }
-}
-
-/// A floor that glows in the colour of its own coordinates, 8 × 8 around the origin, and room to add to it.
-fn glowing_floor(name: &str) -> SceneBuilder {
-    let mut builder = SceneBuilder::new(name);
-    let clamped = Sampler { wrap_u: Wrap::Clamp, wrap_v: Wrap::Clamp, mip: None, ..Sampler::default() };
-    let slot = builder.sampled_texture(coordinates(), clamped, false);
-    let floor = builder.material(Material {
-        name: "coordinates".into(),
-        base_color_texture: Some(slot),
-        unlit: true,
-        ..matte("coordinates")
-    });
-    builder.mesh("floor", shape::plane(vec3(-4.0, 0.0, 4.0), Vec3::X * 8.0, Vec3::NEG_Z * 8.0, 8.0), floor);
-    builder
 }
 
 fn mirror(name: &str) -> Material {
@@ -77,16 +39,6 @@ fn mirror(name: &str) -> Material {
         base_color: Vec4::new(0.8, 0.8, 0.8, 1.0),
         ..matte(name)
     }
-}
-
-/// Coordinates that the floor shows at a point of it.
-fn floor_uv(point: Vec3) -> Vec2 {
-    Vec2::new((point.x + 4.0) / 8.0, (point.z + 4.0) / 8.0)
-}
-
-/// Coordinates back from a pixel of the glowing floor, dimmed by `factor`. Texel i is i/255 at (i + 0.5)/256.
-fn shown_uv(pixel: [f32; 3], factor: f32) -> Vec2 {
-    Vec2::new(pixel[0] / factor * 255.0 + 0.5, pixel[1] / factor * 255.0 + 0.5) / 256.0
 }
 
 #[test]
@@ -131,7 +83,8 @@ fn lit_plane() {
 #[test]
 fn planar_mirror_shows_exact_coordinates() {
     let gpu = TestGpu::open();
-    let mut builder = glowing_floor("mirror");
+    let mut builder = SceneBuilder::new("mirror");
+    glowing_floor(&mut builder);
     let metal = builder.material(mirror("metal"));
     // Upright, facing +z, in two faces.
     builder.mesh("mirror", shape::plane(vec3(-1.5, 0.2, -1.0), Vec3::X * 3.0, Vec3::Y, 3.0), metal);
@@ -156,7 +109,7 @@ fn planar_mirror_shows_exact_coordinates() {
             if s <= 0.0 || point.x.abs() > 3.8 || point.z.abs() > 3.8 {
                 continue;
             }
-            let shown = shown_uv(frame.image.pixels[(y * 160 + x) as usize], 0.8);
+            let shown = shown_uv(Vec3::from(frame.image.pixels[(y * 160 + x) as usize]) / 0.8);
             worst = worst.max((shown - floor_uv(point)).abs().max_element());
             checked += 1;
         }
@@ -171,7 +124,8 @@ fn planar_mirror_shows_exact_coordinates() {
 #[test]
 fn two_facing_mirrors_show_exact_coordinates() {
     let gpu = TestGpu::open();
-    let mut builder = glowing_floor("facing mirrors");
+    let mut builder = SceneBuilder::new("facing mirrors");
+    glowing_floor(&mut builder);
     let metal = builder.material(mirror("metal"));
     builder.mesh("back", shape::plane(vec3(-3.0, 0.0, -1.0), Vec3::X * 6.0, Vec3::Y * 4.0, 6.0), metal);
     builder.mesh("front", shape::plane(vec3(3.0, 0.0, 3.0), Vec3::NEG_X * 6.0, Vec3::Y * 4.0, 6.0), metal);

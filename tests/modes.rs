@@ -2,7 +2,7 @@
 
 mod common;
 
-use std::{sync::atomic::AtomicBool, time::Duration};
+use std::time::Duration;
 
 use glam::{Affine2, Vec2, Vec3, vec3};
 use vertex_tracing::{
@@ -22,10 +22,9 @@ use vertex_tracing::{
         demo::{self, Demo, SceneBuilder, matte, shape, texture},
         light::{Light, LightKind},
     },
-    trace::{Settings, Tracer, reference},
 };
 
-use common::TestGpu;
+use common::{TestGpu, image, psnr, traced};
 
 const WIDTH: u32 = 320;
 const HEIGHT: u32 = 256;
@@ -42,21 +41,13 @@ fn options(mode: Mode, equation: Equation, reconstruction: Reconstruction) -> Op
     options
 }
 
-fn psnr(a: &FloatImage, b: &FloatImage) -> f64 {
-    compare(a, b, None, Encoding::Srgb).unwrap().psnr.unwrap_or(f64::INFINITY)
-}
-
 fn names(frame: &Frame) -> Vec<&str> {
     frame.stats.passes.iter().map(|pass| pass.name.as_str()).collect()
 }
 
 /// The same view by the reference tracer.
 fn reference_image(scene: &Scene, options: &Options) -> FloatImage {
-    let view = options.view.resolve(scene).unwrap();
-    let settings = Settings::new(&options.paths, &options.scene);
-    let (tracer, interrupt) = (Tracer::new(scene), AtomicBool::new(false));
-    let traced = reference::render(&tracer, &view, &settings, 1, None, &interrupt, &|_| {}).unwrap();
-    FloatImage { width: view.width, height: view.height, pixels: traced.image }
+    image(options, &traced(scene, options, 1, None))
 }
 
 fn paper(mode: Mode, equation: Equation) -> Options {

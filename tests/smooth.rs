@@ -11,28 +11,18 @@ use vertex_tracing::{
         metrics::{Encoding, compare},
     },
     scene::{
-        AlphaMode, Camera, Material, Scene,
+        AlphaMode, Camera, Material,
         demo::{Demo, SceneBuilder, chrome, matte, shape, stress, texture},
     },
-    trace::{
-        Settings, Tracer,
-        reference::{self, Reference},
-    },
+    trace::reference::Reference,
 };
 
-use common::TestGpu;
+use common::{TestGpu, traced};
 
 fn options(width: u32, height: u32, most: PixelSamples) -> Options {
-    let mut options = Options::default();
-    (options.view.width, options.view.height) = (width, height);
+    let mut options = common::options(width, height);
     options.method.pixel_samples = most;
     options
-}
-
-fn traced(scene: &Scene, options: &Options, spp: u32) -> Reference {
-    let view = options.view.resolve(scene).unwrap();
-    let settings = Settings::new(&options.paths, &options.scene);
-    reference::render(&Tracer::new(scene), &view, &settings, spp, None, &Default::default(), &|_| {}).unwrap()
 }
 
 fn rmse(a: &FloatImage, b: &FloatImage) -> f64 {
@@ -51,7 +41,7 @@ fn pictures_are_nearer_to_many_samples_with_fewer_rays() {
     for (name, scene) in scenes {
         let size = |most| options(320, 256, most);
         let image = |spp| {
-            let Reference { image, rays, .. } = traced(&scene, &size(One), spp);
+            let Reference { image, rays, .. } = traced(&scene, &size(One), spp, None);
             (FloatImage { width: 320, height: 256, pixels: image }, rays.total())
         };
         let ((truth, _), (four, _), (_, all_sixteen)) = (image(64), image(4), image(16));

@@ -1,6 +1,8 @@
-//! A device under validation, for all tests that need one.
+//! A device under validation, and pictures of the reference tracer, for all tests that need them.
 
 #![allow(dead_code)] // each test program is compiled with all of it and uses a part
+
+pub mod floor;
 
 use std::{ops::Deref, sync::Arc};
 
@@ -8,8 +10,46 @@ use vertex_tracing::{
     frame::{Frame, Renderer},
     gpu::{Gpu, Messages, Options as DeviceOptions},
     options::Options,
+    report::{
+        FloatImage,
+        metrics::{Comparison, Encoding, compare},
+    },
     scene::Scene,
+    trace::{
+        Settings, Tracer,
+        reference::{self, Reference},
+    },
 };
+
+/// Default options for images of this size.
+pub fn options(width: u32, height: u32) -> Options {
+    let mut options = Options::default();
+    (options.view.width, options.view.height) = (width, height);
+    options
+}
+
+/// The view by the reference tracer, of the pixels that `only` marks.
+pub fn traced(scene: &Scene, options: &Options, spp: u32, only: Option<&[bool]>) -> Reference {
+    let view = options.view.resolve(scene).unwrap();
+    let settings = Settings::new(&options.paths, &options.scene);
+    reference::render(&Tracer::new(scene), &view, &settings, spp, only, &Default::default(), &|_| {}).unwrap()
+}
+
+/// What the reference tracer made, as an image.
+pub fn image(options: &Options, reference: &Reference) -> FloatImage {
+    let (width, height) = (options.view.width, options.view.height);
+    FloatImage { width, height, pixels: reference.image.clone() }
+}
+
+/// A frame over the VT pixels of what the reference tracer made.
+pub fn over_vt(frame: &Frame, options: &Options, truth: &Reference) -> Comparison {
+    compare(&image(options, truth), &frame.image, Some(&truth.vt_mask), Encoding::Srgb).unwrap()
+}
+
+/// Peak signal to noise ratio in dB of one image against another as they are displayed.
+pub fn psnr(a: &FloatImage, b: &FloatImage) -> f64 {
+    compare(a, b, None, Encoding::Srgb).unwrap().psnr.unwrap_or(f64::INFINITY)
+}
 
 /// A device under validation, whose messages [`finish`](Self::finish) checks.
 pub struct TestGpu {
