@@ -4,8 +4,8 @@ use glam::Vec2;
 use proptest::prelude::*;
 use vertex_tracing::{
     options::{EffortOptions, Reconstruction},
-    refine::{Refiner, STOP_SIZE, mesh::Mesh, predict::Predictor, shown::Shown},
-    scene::{Camera, Scene, View, demo::Demo, patch::Targets, structure::Structure, topology::Topology},
+    refine::{Refiner, STOP_SIZE, mesh::Mesh, predict::Predictor, shown::Shown, structure::Structure},
+    scene::{Camera, Scene, View, demo::Demo, patch::Targets, topology::Topology},
     trace::{Settings, Tracer, sample::Context},
     visibility::IdImage,
 };

@@ -16,7 +16,7 @@ use crate::reconstruct::passes::{self, Painter, PassOptions};
 use crate::reconstruct::table::SceneTable;
 use crate::refine::reserve::Reserve;
 use crate::refine::store::SampleStore;
-use crate::scene::structure::Structure;
+use crate::refine::structure::Structure;
 use crate::scene::{Light, Scene};
 use crate::trace::{Hierarchy, Settings, Tracer};
 use crate::visibility::{self, Adjacency, Class, Finder};

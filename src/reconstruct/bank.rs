@@ -10,7 +10,8 @@ use crate::constants::{MAX_BANK_ARRAYS, NO_TEXTURE};
 use crate::error::Result;
 use crate::gpu::{AddressMode, Format, Image, ImageDesc, SamplerDesc, TexelFilter, Uploads};
 use crate::options::FilterMode;
-use crate::scene::{Background, Environment, Filter, Sampler, Scene, Texture, TextureSlot, Wrap};
+use crate::scene::{Background, Environment, Sampler, Scene, Texture, TextureSlot};
+use crate::visibility::mask::{level_0, texel_filter};
 
 /// What textures of one array have in common.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
@@ -263,22 +264,10 @@ fn panorama_image(uploads: &mut Uploads, panorama: &Environment) -> Result<(Imag
 }
 
 fn sampler(sampler: &Sampler, filter: FilterMode) -> SamplerDesc {
-    let address = |wrap: Wrap| match wrap {
-        Wrap::Repeat => AddressMode::Repeat,
-        Wrap::Mirror => AddressMode::Mirror,
-        Wrap::Clamp => AddressMode::Clamp,
-    };
-    let texel = |filter: Filter| match filter {
-        Filter::Nearest => TexelFilter::Nearest,
-        Filter::Linear => TexelFilter::Linear,
-    };
     let own = SamplerDesc {
-        u: address(sampler.wrap_u),
-        v: address(sampler.wrap_v),
-        mag: texel(sampler.mag),
-        min: texel(sampler.min),
-        mip: sampler.mip.map(texel),
-        anisotropy: 1,
+        min: texel_filter(sampler.min),
+        mip: sampler.mip.map(texel_filter),
+        ..level_0(sampler)
     };
     let trilinear = SamplerDesc {
         mag: TexelFilter::Linear,

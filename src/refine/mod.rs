@@ -15,6 +15,7 @@ pub mod reserve;
 pub mod samples;
 pub mod shown;
 pub mod store;
+pub mod structure;
 
 use std::cmp::Ordering;
 use std::collections::BinaryHeap;

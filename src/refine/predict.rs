@@ -7,9 +7,9 @@
 use glam::{Vec2, Vec3};
 
 use super::samples::Sample;
+use super::structure::Structure;
 use crate::options::Reconstruction;
 use crate::scene::patch::{ENVIRONMENT, Patch, TargetId, Targets};
-use crate::scene::structure::Structure;
 use crate::scene::{Scene, View};
 use crate::trace::sample::Node;
 

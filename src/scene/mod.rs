@@ -13,7 +13,6 @@ pub mod light;
 pub mod material;
 pub mod mesh;
 pub mod patch;
-pub mod structure;
 pub mod texture;
 pub mod topology;
 

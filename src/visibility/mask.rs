@@ -54,19 +54,25 @@ pub fn set(uploads: &mut Uploads, scene: &Scene, layout: &SetLayout, material: u
         }
     };
     let image = uploads.texture(&name, Format::R8, size, &[&alpha], false)?;
-    layout.set(&name, &[("alpha_map", Resource::Textures(&[(&image, sampler_desc(sampler))]))])
+    layout.set(&name, &[("alpha_map", Resource::Textures(&[(&image, level_0(&sampler))]))])
 }
 
-fn sampler_desc(sampler: Sampler) -> SamplerDesc {
+/// The device's sampler of `sampler` for level 0 alone, magnified or not.
+pub fn level_0(sampler: &Sampler) -> SamplerDesc {
     let wrap = |wrap| match wrap {
         Wrap::Repeat => AddressMode::Repeat,
         Wrap::Mirror => AddressMode::Mirror,
         Wrap::Clamp => AddressMode::Clamp,
     };
-    let filter = match sampler.mag {
-        Filter::Nearest => TexelFilter::Nearest,
-        Filter::Linear => TexelFilter::Linear,
-    };
+    let filter = texel_filter(sampler.mag);
     let (u, v) = (wrap(sampler.wrap_u), wrap(sampler.wrap_v));
     SamplerDesc { u, v, mag: filter, min: filter, mip: None, anisotropy: 1 }
+}
+
+/// The device's name for a filter.
+pub fn texel_filter(filter: Filter) -> TexelFilter {
+    match filter {
+        Filter::Nearest => TexelFilter::Nearest,
+        Filter::Linear => TexelFilter::Linear,
+    }
 }

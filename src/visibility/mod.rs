@@ -11,7 +11,7 @@ pub mod draw_list;
 pub mod face_draw;
 mod finder;
 pub mod id_buffer;
-mod mask;
+pub mod mask;
 pub mod ring;
 mod runs;
 pub mod scan;

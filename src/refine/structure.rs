@@ -4,10 +4,11 @@
 //! structure function D(δ). Refinement weighs predicted displacements by it, so that a plain wall takes no
 //! samples and a fine chessboard many, without any texel ever driving the refinement by itself.
 
-use glam::Vec3;
+use glam::{Affine2, Vec2};
 use rayon::prelude::*;
 
-use super::{Image, Scene, Texture};
+use crate::scene::{Scene, TextureSlot};
+use crate::trace::texel::lookup;
 
 /// Mean square and structure function of one texture, in linear light, averaged over colour channels.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -30,23 +31,23 @@ impl Structure {
     /// An untextured surface: one colour everywhere.
     pub const PLAIN: Self = Self { mean_square: 1.0, table: [0.0; OCTAVES], size: [1.0; 2] };
 
-    /// Measures `texture` at a fixed set of points.
-    pub fn of(scene: &Scene, texture: Texture) -> Self {
-        let image = &scene.images[texture.image as usize];
-        let (width, height) = (image.width as f32, image.height as f32);
+    /// Measures the scene's texture `texture` at a fixed set of points.
+    pub fn of(scene: &Scene, texture: u32) -> Self {
+        let image = &scene.images[scene.textures[texture as usize].image as usize];
+        let size = Vec2::new(image.width as f32, image.height as f32);
+        let slot = TextureSlot { texture, uv_set: 0, transform: Affine2::IDENTITY };
+        let at = |texel: Vec2| lookup(scene, &slot, texel / size).truncate();
         let mut mean_square = 0.0;
         let mut table = [0.0; OCTAVES];
         for point in 0..POINTS {
             // R2 sequence (Roberts 2018): covers the texture evenly at any count.
-            let x = (0.5 + 0.754_877_7 * point as f32).fract() * width;
-            let y = (0.5 + 0.569_840_3 * point as f32).fract() * height;
-            let here = bilinear(image, texture.srgb, x, y);
+            let texel = (0.5 + Vec2::new(0.754_877_7, 0.569_840_3) * point as f32).fract() * size;
+            let here = at(texel);
             mean_square += here.length_squared();
             let angle = std::f32::consts::TAU * (point % DIRECTIONS) as f32 / DIRECTIONS as f32;
-            let (sin, cos) = angle.sin_cos();
             for (octave, value) in table.iter_mut().enumerate() {
                 let step = FINEST * (1 << octave) as f32;
-                let there = bilinear(image, texture.srgb, x + cos * step, y + sin * step);
+                let there = at(texel + Vec2::from_angle(angle) * step);
                 *value += (there - here).length_squared();
             }
         }
@@ -56,16 +57,16 @@ impl Structure {
             highest = highest.max(*value * scale);
             *value = highest;
         }
-        Self { mean_square: mean_square * scale, table, size: [width, height] }
+        Self { mean_square: mean_square * scale, table, size: size.to_array() }
     }
 
     /// Structures of all textures of a scene.
     pub fn all(scene: &Scene) -> Vec<Self> {
-        scene.textures.par_iter().map(|&texture| Self::of(scene, texture)).collect()
+        (0..scene.textures.len() as u32).into_par_iter().map(|texture| Self::of(scene, texture)).collect()
     }
 
     /// D for a displacement in texture coordinates.
-    pub fn displaced(&self, uv: glam::Vec2) -> f32 {
+    pub fn displaced(&self, uv: Vec2) -> f32 {
         let texels = (uv.x * self.size[0]).hypot(uv.y * self.size[1]);
         if texels.is_nan() {
             return self.table[OCTAVES - 1];
@@ -81,30 +82,10 @@ impl Structure {
     }
 }
 
-fn bilinear(image: &Image, srgb: bool, x: f32, y: f32) -> Vec3 {
-    let texel = |x: i64, y: i64| {
-        let column = x.rem_euclid(i64::from(image.width)) as u32;
-        let row = y.rem_euclid(i64::from(image.height)) as u32;
-        let value = image.texel(column, row).truncate();
-        if srgb { decode(value) } else { value }
-    };
-    let (x, y) = (x - 0.5, y - 0.5);
-    let (i, j) = (x.floor() as i64, y.floor() as i64);
-    let (a, b) = (x - x.floor(), y - y.floor());
-    let top = texel(i, j).lerp(texel(i + 1, j), a);
-    let bottom = texel(i, j + 1).lerp(texel(i + 1, j + 1), a);
-    top.lerp(bottom, b)
-}
-
-fn decode(value: Vec3) -> Vec3 {
-    let one = |x: f32| if x <= 0.04045 { x / 12.92 } else { ((x + 0.055) / 1.055).powf(2.4) };
-    Vec3::new(one(value.x), one(value.y), one(value.z))
-}
-
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::scene::{Sampler, mesh::Geometry};
+    use crate::scene::{Geometry, Image, Sampler, Texture};
 
     fn structure(width: u32, height: u32, value: impl Fn(u32, u32) -> u8) -> Structure {
         let rgba: Vec<u8> = (0..height)
@@ -127,13 +108,13 @@ mod tests {
             unread: Vec::new(),
             notes: vec![],
         };
-        Structure::of(&scene, texture)
+        Structure::of(&scene, 0)
     }
 
     #[test]
     fn a_plain_texture_never_changes() {
         let plain = structure(16, 16, |_, _| 255);
-        assert_eq!(plain.displaced(glam::Vec2::new(3.0, 1.0)), 0.0);
+        assert_eq!(plain.displaced(Vec2::new(3.0, 1.0)), 0.0);
         assert!((plain.mean_square - 1.0).abs() < 1e-5);
     }
 
@@ -141,12 +122,12 @@ mod tests {
     fn stripes_decorrelate_and_never_recover() {
         // Black and white stripes of 32 texels: two independent points differ with probability 1/2.
         let stripes = structure(256, 256, |x, _| if x / 32 % 2 == 0 { 255 } else { 0 });
-        let far = stripes.displaced(glam::Vec2::new(1.0, 1.0));
+        let far = stripes.displaced(Vec2::new(1.0, 1.0));
         assert!((0.4..0.9).contains(&far), "{far}");
-        assert!(stripes.displaced(glam::Vec2::splat(1.0 / 256.0)) < 0.1 * far);
+        assert!(stripes.displaced(Vec2::splat(1.0 / 256.0)) < 0.1 * far);
         let mut last = 0.0;
         for texels in 0..512 {
-            let d = stripes.displaced(glam::Vec2::new(texels as f32 / 256.0, 0.0));
+            let d = stripes.displaced(Vec2::new(texels as f32 / 256.0, 0.0));
             assert!(d >= last, "D falls at {texels} texels");
             last = d;
         }
