@@ -196,7 +196,7 @@ fn check(scene: &Scene, classes: &[Class], view: &View, hairs: usize) {
         .map(|y| {
             let mut differing = 0;
             for x in 0..view.width {
-                let found = (visibility.ids.face(x, y), visibility.ids.code(x, y));
+                let found = (visibility.ids.unwrap().face(x, y), visibility.ids.unwrap().code(x, y));
                 let (cx, cy) = (f64::from(x) + 0.5, f64::from(y) + 0.5);
                 if found != expected(cx, cy) {
                     differing += 1;
@@ -218,8 +218,8 @@ fn check(scene: &Scene, classes: &[Class], view: &View, hairs: usize) {
     let mut codes = [0_u64; 256];
     for y in 0..view.height {
         for x in 0..view.width {
-            codes[usize::from(visibility.ids.code(x, y))] += 1;
-            if let Some(face) = visibility.ids.face(x, y) {
+            codes[usize::from(visibility.ids.unwrap().code(x, y))] += 1;
+            if let Some(face) = visibility.ids.unwrap().face(x, y) {
                 counts[face as usize] += 1;
             }
         }
@@ -355,9 +355,9 @@ fn codes_of_every_class() {
     let gpu = TestGpu::open();
     let mut pass = Pass::new(&gpu, &scene, &with_shadows).unwrap();
     let visibility = pass.run(&view).unwrap();
-    let codes = [35, 64, 85].map(|x| u32::from(visibility.ids.code(x, 64)));
+    let codes = [35, 64, 85].map(|x| u32::from(visibility.ids.unwrap().code(x, 64)));
     assert_eq!(codes, [CODE_VT, CODE_SHADOW, CODE_SHADOW]);
-    let corner = (visibility.ids.face(0, 127), u32::from(visibility.ids.code(0, 127)));
+    let corner = (visibility.ids.unwrap().face(0, 127), u32::from(visibility.ids.unwrap().code(0, 127)));
     assert!(corner == (None, CODE_NONE) || corner.1 == CODE_SHADOW);
     drop(pass);
     gpu.finish();
@@ -386,7 +386,9 @@ fn masked_faces_have_holes() {
     let seen = |scene: &Scene| {
         let mut pass = Pass::new(&gpu, scene, &all_vt(scene)).unwrap();
         let visibility = pass.run(&view).unwrap();
-        [24, 40].map(|x| visibility.ids.face(x, 30).map(|face| scene.geometry.face_objects[face as usize]))
+        [24, 40].map(|x| {
+            visibility.ids.unwrap().face(x, 30).map(|face| scene.geometry.face_objects[face as usize])
+        })
     };
     assert_eq!(seen(&scene), [Some(1), Some(0)]);
     // The factor and the vertex colour count as well.
@@ -406,7 +408,7 @@ fn every_kind_of_memory_gives_the_same() {
     let mut pass = Pass::new(&gpu, &scene, &all_vt(&scene)).unwrap();
     // A width that makes neither rows nor the whole a multiple of any atom size.
     let view = view(&scene, 127, 63);
-    let expected = pass.run(&view).unwrap().ids.pixels.to_vec();
+    let expected = pass.run(&view).unwrap().ids.unwrap().pixels.to_vec();
     assert!(expected.iter().any(|&pixel| pixel != 0));
     for memory in ReadbackMemory::ALL {
         pass.set_readback(ReadbackChoice::Treat(memory));
@@ -414,11 +416,11 @@ fn every_kind_of_memory_gives_the_same() {
             let visibility = pass.run(&view).unwrap();
             assert_eq!(visibility.readback_memory, memory);
             assert_eq!(visibility.readback_bytes, 127 * 63 * 4);
-            assert!(visibility.ids.pixels == expected, "{}", memory.name());
+            assert!(visibility.ids.unwrap().pixels == expected, "{}", memory.name());
         }
         pass.set_readback(ReadbackChoice::Only(memory));
         match pass.run(&view) {
-            Ok(visibility) => assert!(visibility.ids.pixels == expected, "{}", memory.name()),
+            Ok(visibility) => assert!(visibility.ids.unwrap().pixels == expected, "{}", memory.name()),
             Err(error) => assert!(error.to_string().contains(memory.name()), "{error}"),
         }
     }
@@ -436,11 +438,13 @@ fn reading_in_place_gives_the_same() {
         let view = view(&scene, width, 64);
         pass.set_readback(ReadbackChoice::Best);
         pass.run(&view).unwrap();
-        let in_place = pass.run(&view).unwrap().ids.pixels.to_vec();
+        let in_place = pass.run(&view).unwrap().ids.unwrap().pixels.to_vec();
         let software = gpu.info().kind == DeviceKind::Cpu;
         assert!(pass.reads_in_place() == software || width == 255, "software devices need no copy");
         pass.set_readback(ReadbackChoice::Treat(ReadbackMemory::CachedCoherent));
-        assert!(pass.run(&view).unwrap().ids.pixels == in_place && in_place.iter().any(|&id| id != 0));
+        assert!(
+            pass.run(&view).unwrap().ids.unwrap().pixels == in_place && in_place.iter().any(|&id| id != 0)
+        );
         assert!(!pass.reads_in_place());
     }
     drop(pass);
@@ -459,7 +463,7 @@ fn runs_repeat_for_any_size_order_and_thread_count() {
         pool.install(|| {
             let visibility = pass.run(view).unwrap();
             assert!(visibility.times.visibility > 0.0 && visibility.times.readback > 0.0);
-            (visibility.faces.clone(), visibility.ids.pixels.to_vec())
+            (visibility.faces.clone(), visibility.ids.unwrap().pixels.to_vec())
         })
     };
     let (first_small, first_large) = (run(&small, 1), run(&large, 1));

@@ -3,7 +3,7 @@
 use std::{sync::Arc, time::Instant};
 
 use super::{
-    Class, Times, VisibleFaces,
+    Class, Found, Times, VisibleFaces,
     face_draw::{FaceDraw, IdImages},
     scan::{Scanner, visible_in},
 };
@@ -12,8 +12,7 @@ use crate::{
     error::Result,
     gpu::{
         Access, AddressMode, Binding, Commands, ComputePipeline, DescriptorSet, DeviceBuffer, Gpu,
-        ReadbackBuffer, ReadbackChoice, ReadbackMemory, Resource, SamplerDesc, SetLayout, Shader,
-        TexelFilter,
+        ReadbackBuffer, ReadbackChoice, Resource, SamplerDesc, SetLayout, Shader, TexelFilter,
     },
     scene::{Scene, View},
     spirv,
@@ -21,21 +20,6 @@ use crate::{
 
 /// Bindings of `count_faces.comp`.
 pub const BINDINGS: [Binding; 2] = [Binding::textures("ids", 1), Binding::storage("counts")];
-
-/// What a run of the [`Pass`] found; borrowed from it until the next run.
-#[derive(Debug)]
-pub struct Counted<'a> {
-    /// Visible faces and their pixels.
-    pub faces: &'a VisibleFaces,
-    /// Visible faces of specular VT objects.
-    pub visible_vt: usize,
-    /// Where the time went; counting on the device is a part of `visibility`.
-    pub times: Times,
-    /// Bytes read back.
-    pub readback_bytes: u64,
-    /// Kind of memory they were read from.
-    pub readback_memory: ReadbackMemory,
-}
 
 /// Draws the ID buffer of one scene and counts it on the device; keeps its buffers from run to run.
 pub struct Pass {
@@ -93,7 +77,7 @@ impl Pass {
     ///
     /// # Errors
     /// An image size that the device does not support; no device memory left; a lost device.
-    pub fn run(&mut self, view: &View) -> Result<Counted<'_>> {
+    pub fn run(&mut self, view: &View) -> Result<Found<'_>> {
         let start = Instant::now();
         self.record(view, false)?;
         let readback_memory = self.staging.memory();
@@ -104,12 +88,14 @@ impl Pass {
         let FaceDraw { vt_faces, shadow_faces, .. } = &self.draw;
         self.scanner.take_counts(counts, vt_faces, shadow_faces, &mut self.faces);
         let scan = start.elapsed();
-        Ok(Counted {
+        Ok(Found {
+            visible: &self.faces.visible,
             visible_vt: visible_in(&self.faces.visible, &self.draw.vt_faces),
             times: Times::new("id buffer", &self.commands.timings()?, total, scan).with_map(total - drawn),
             readback_bytes: size_of_val(counts) as u64,
             readback_memory,
             faces: &self.faces,
+            ids: None,
         })
     }
 

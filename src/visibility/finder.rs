@@ -97,10 +97,8 @@ impl<'s> Finder<'s> {
     ) -> Result<Found<'_>> {
         self.decide(view)?;
         match &mut self.way {
-            Way::Auto { counting: pass, on_device: Some(true), .. } | Way::Device(pass) => {
-                pass.run(view).map(Found::from)
-            }
-            Way::Auto { id_buffer: pass, .. } | Way::IdBuffer(pass) => pass.run(view).map(Found::from),
+            Way::Auto { counting: pass, on_device: Some(true), .. } | Way::Device(pass) => pass.run(view),
+            Way::Auto { id_buffer: pass, .. } | Way::IdBuffer(pass) => pass.run(view),
             Way::SinglePass(recovery) => recovery.run(view, base),
         }
     }

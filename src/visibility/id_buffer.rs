@@ -3,7 +3,7 @@
 use std::{sync::Arc, time::Instant};
 
 use super::{
-    Class, IdImage, Times, VisibleFaces,
+    Class, Found, IdImage, Times, VisibleFaces,
     face_draw::{FaceDraw, IdImages},
     scan::{Scanner, visible_in},
 };
@@ -15,23 +15,6 @@ use crate::{
     },
     scene::{Scene, View},
 };
-
-/// What a run of the [`Pass`] found; borrowed from it until the next run.
-#[derive(Debug)]
-pub struct Visibility<'a> {
-    /// Visible faces and their pixels.
-    pub faces: &'a VisibleFaces,
-    /// Every pixel's face.
-    pub ids: IdImage<'a>,
-    /// Visible faces of specular VT objects: the stats' `faces.visible`.
-    pub visible_vt: usize,
-    /// Where the time went.
-    pub times: Times,
-    /// Bytes read back.
-    pub readback_bytes: u64,
-    /// Kind of memory they were read from.
-    pub readback_memory: ReadbackMemory,
-}
 
 /// Draws, reads back and scans the ID buffer of one scene; keeps its buffers from run to run.
 pub struct Pass {
@@ -88,7 +71,7 @@ impl Pass {
     ///
     /// # Errors
     /// An image size that the device does not support; no device memory left; a lost device.
-    pub fn run(&mut self, view: &View) -> Result<Visibility<'_>> {
+    pub fn run(&mut self, view: &View) -> Result<Found<'_>> {
         let target = target(&self.gpu, &mut self.target, self.readback, view)?;
         let start = Instant::now();
         let mut recording = self.commands.begin()?;
@@ -101,10 +84,11 @@ impl Pass {
         let start = Instant::now();
         self.scanner.scan(pixels, self.draw.face_count, &mut self.faces);
         let scan = start.elapsed();
-        Ok(Visibility {
+        Ok(Found {
+            visible: &self.faces.visible,
             visible_vt: visible_in(&self.faces.visible, &self.draw.vt_faces),
             faces: &self.faces,
-            ids: IdImage { width: view.width, height: view.height, pixels },
+            ids: Some(IdImage { width: view.width, height: view.height, pixels }),
             times: Times::new("id buffer", &self.commands.timings()?, total, scan).with_map(total - drawn),
             readback_bytes: size_of_val(pixels) as u64,
             readback_memory,

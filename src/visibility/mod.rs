@@ -20,7 +20,7 @@ pub mod single_pass;
 pub use clusters::Clusters;
 pub use draw_list::{Class, DrawList, classes};
 pub use finder::Finder;
-pub use id_buffer::{Pass, Visibility};
+pub use id_buffer::Pass;
 pub use mask::MaskVertex;
 pub use ring::Adjacency;
 pub use scan::{IdImage, VisibleFaces};
@@ -40,28 +40,12 @@ pub struct Found<'a> {
     pub ids: Option<IdImage<'a>>,
     /// Visible faces of specular VT objects: the stats' `faces.visible`.
     pub visible_vt: usize,
-    /// Where the time went.
+    /// Where the time went; counting on the device is a part of `visibility`.
     pub times: Times,
     /// Bytes read back.
     pub readback_bytes: u64,
     /// Kind of memory they were read from.
     pub readback_memory: ReadbackMemory,
-}
-
-impl<'a> From<Visibility<'a>> for Found<'a> {
-    fn from(found: Visibility<'a>) -> Self {
-        let Visibility { faces, ids, visible_vt, times, readback_bytes, readback_memory } = found;
-        let visible = &faces.visible;
-        Self { visible, faces, ids: Some(ids), visible_vt, times, readback_bytes, readback_memory }
-    }
-}
-
-impl<'a> From<device::Counted<'a>> for Found<'a> {
-    fn from(found: device::Counted<'a>) -> Self {
-        let device::Counted { faces, visible_vt, times, readback_bytes, readback_memory } = found;
-        let visible = &faces.visible;
-        Self { visible, faces, ids: None, visible_vt, times, readback_bytes, readback_memory }
-    }
 }
 
 /// Time of the stages of one run in milliseconds, one after the other.

@@ -126,7 +126,7 @@ fn measure_ways(gpu: &Arc<Gpu>, scene: &Scene, view: &View, plan: &Plan, found: 
     id_buffer.run(view)?;
     if id_buffer.reads_in_place() {
         let runs = repeat(plan, || {
-            let run = Run::from(Found::from(id_buffer.run(view)?));
+            let run = Run::from(id_buffer.run(view)?);
             Ok(Run { in_place: true, ..run })
         })?;
         push_rows(&mut found.rows, VisibilityWay::IdBuffer, scene, view, &runs);
@@ -139,12 +139,12 @@ fn measure_ways(gpu: &Arc<Gpu>, scene: &Scene, view: &View, plan: &Plan, found: 
         }
         id_buffer.set_readback(choice);
         id_buffer.warm_up(view)?;
-        let runs = repeat(plan, || Ok(Run::from(Found::from(id_buffer.run(view)?))))?;
+        let runs = repeat(plan, || Ok(Run::from(id_buffer.run(view)?)))?;
         push_rows(&mut found.rows, VisibilityWay::IdBuffer, scene, view, &runs);
 
         let mut counting = device::Pass::new(gpu, scene, &classes, choice)?;
         counting.warm_up(view)?;
-        let runs = repeat(plan, || Ok(Run::from(Found::from(counting.run(view)?))))?;
+        let runs = repeat(plan, || Ok(Run::from(counting.run(view)?)))?;
         push_rows(&mut found.rows, VisibilityWay::Device, scene, view, &runs);
     }
     drop(id_buffer);
