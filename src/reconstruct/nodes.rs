@@ -7,7 +7,8 @@ use super::parts::Part;
 use super::table::{SceneTable, Texel, floats};
 use crate::constants::*;
 use crate::refine::samples::Sample;
-use crate::scene::patch::{ENVIRONMENT, Patch, TargetId, Targets};
+use crate::refine::shape::Shape;
+use crate::scene::patch::{Patch, TargetId, Targets};
 use crate::scene::{Background, Scene};
 use crate::trace::sample::{Node, slot};
 
@@ -81,11 +82,16 @@ pub(super) struct Place {
 }
 
 impl Corner<'_> {
+    /// e/d, e/d o and e r of a node (design §5 rule 2).
+    fn weighted(self, node: &Node) -> (f32, Vec3, Vec3) {
+        let (scale, e) = self.distance.map_or((1.0, 1.0), |e| (e / node.to_branch, e));
+        (scale, node.origin * scale, node.direction * e)
+    }
+
     /// On a plane, by the ray (design §5 rule 2). With O = Σ b e/d o, D = Σ b e r, S = Σ b e/d:
     /// s = (k S − N·O) / N·D, u = (G·O + c S + s G·D) / S.
     pub(super) fn on_plane(self, patch: &Patch, node: &Node) -> Place {
-        let (scale, e) = self.distance.map_or((1.0, 1.0), |e| (e / node.to_branch, e));
-        let (origin, direction) = (node.origin * scale, node.direction * e);
+        let (scale, origin, direction) = self.weighted(node);
         let [u, v] = patch.base_uv;
         Place {
             scale,
@@ -139,7 +145,7 @@ impl Matcher<'_> {
         for found in paths(&corners) {
             leaf.defined &= self.is_shared(found);
             if let [Some(a), Some(b), Some(c)] = found
-                && self.interpolates([a, b, c])
+                && Shape::of(&[a, b, c], self.targets).is_some()
             {
                 parts.push(Part::new(found, [true; 3]));
             } else {
@@ -168,13 +174,7 @@ impl Matcher<'_> {
     fn is_shared(&self, found: [Option<&Node>; 3]) -> bool {
         let [Some(a), Some(b), Some(c)] = found else { return false };
         let lit_alike = |(one, other): (&Node, &Node)| one.target != other.target || one.lit == other.lit;
-        self.interpolates([a, b, c]) && [(a, b), (b, c), (c, a)].into_iter().all(lit_alike)
-    }
-
-    /// Whether a path can be followed per fragment: one target, or planar ones with outlines.
-    fn interpolates(&self, nodes: [&Node; 3]) -> bool {
-        let [a, b, c] = nodes.map(|node| node.target);
-        a == b && b == c || [a, b, c].into_iter().all(|target| self.targets.is_outlined(target))
+        Shape::of(&[a, b, c], self.targets).is_some() && [(a, b), (b, c), (c, a)].into_iter().all(lit_alike)
     }
 
     /// Adds `value` of each node to its corner's Gouraud-shaded colour.
@@ -218,70 +218,72 @@ impl Matcher<'_> {
     }
 
     fn encode(&self, leaf: &mut LeafNodes, corners: &[Corner; 3], nodes: [&Node; 3], beside: &[Beside]) {
-        let [first, ..] = nodes;
-        let target = &self.targets.targets[first.target as usize];
-        let branch = slot(first.first);
+        let Some(shape) = Shape::of(&nodes, self.targets) else {
+            return self.combine(leaf, corners, nodes.map(Some), Node::radiance);
+        };
+        let target = &self.targets.targets[nodes[0].target as usize];
+        let branch = slot(nodes[0].first);
         let lights = nodes.map(|node| node.lit);
-        let single = nodes.iter().all(|node| node.target == first.target);
-        let followed = nodes.iter().all(|node| node.is_followed());
-        let flat = target.patch.is_some() && followed && single;
-        let emissive =
-            self.scene.materials.get(target.material as usize).is_some_and(|m| m.emissive_texture.is_some());
-        let candidates = if followed { self.candidates(nodes, beside) } else { None };
-        if flat && leaf.first.is_none() && !emissive && candidates.is_none() {
-            leaf.first = Some((self.table.target(first.target), packed(lights) | (branch as u32) << 31));
-            leaf.first_texture = self.base_textures[target.material as usize];
-            return;
-        }
         let head = |kind: u32, lights: [u32; 3], words: [u32; 3]| {
             [kind | (branch as u32) << 3 | 3 << 4 | packed(lights) << 8, words[0], words[1], words[2]]
         };
         let throughputs: [Vec3; 3] = std::array::from_fn(|i| {
             before(nodes[i].throughput, corners[i].sample.primary.attenuation[branch])
         });
-        let shades: [Vec3; 3] = std::array::from_fn(|i| throughputs[i] * nodes[i].local.textured);
-        let scales: [(f32, f32); 3] =
-            std::array::from_fn(|i| corners[i].distance.map_or((1.0, 1.0), |e| (e / nodes[i].to_branch, e)));
-        let rays: [(Vec3, Vec3); 3] =
-            std::array::from_fn(|i| (nodes[i].origin * scales[i].0, nodes[i].direction * scales[i].1));
-        let unused = [Vec4::new(0.0, 1.0, 0.0, 0.0); 3];
-        let texture = || [self.base_textures[target.material as usize], 0, 0];
-        let ones = [Vec4::ONE; 3];
+        let no_place = [Vec4::new(0.0, 1.0, 0.0, 0.0); 3];
+        let no_parts = [[Vec4::ONE; 3], no_place, no_place];
+        let texture = |leaf: &mut LeafNodes, places: [Place; 3]| {
+            self.combine(leaf, corners, nodes.map(Some), |node| node.throughput * node.local.added);
+            let reference = self.base_textures[target.material as usize];
+            leaf.note_texture(reference);
+            let shades = std::array::from_fn(|i| throughputs[i] * nodes[i].local.textured);
+            (head(NODE_TEXTURE, lights, [reference, 0, 0]), texture_parts(shades, places))
+        };
 
-        let (head, parts) = if first.target == ENVIRONMENT {
-            match (&self.scene.background, followed) {
+        let (head, parts) = match (shape, &target.patch) {
+            (Shape::Sky { own }, _) => match (&self.scene.background, own) {
                 (Background::Color(_), _) => {
                     return self.combine(leaf, corners, nodes.map(Some), Node::radiance);
                 }
-                (_, true) => (head(NODE_FIRST_ENVIRONMENT, lights, [NO_TEXTURE; 3]), [ones, unused, unused]),
-                _ => {
+                (_, true) => (head(NODE_FIRST_ENVIRONMENT, lights, [NO_TEXTURE; 3]), no_parts),
+                (_, false) => {
                     let directions = nodes.map(|node| node.direction.extend(0.0));
-                    let parts = [throughputs.map(|throughput| throughput.extend(1.0)), directions, unused];
+                    let parts = [throughputs.map(|throughput| throughput.extend(1.0)), directions, no_place];
                     (head(NODE_ENVIRONMENT, lights, [NO_TEXTURE; 3]), parts)
                 }
+            },
+            (Shape::Plane { own: true } | Shape::Planes { own: true }, _) => {
+                let candidates = self.candidates(nodes, beside);
+                let emits = self.scene.materials[target.material as usize].emissive_texture.is_some();
+                let is_one = shape == Shape::Plane { own: true } && candidates.is_none();
+                if is_one && leaf.first.is_none() && !emits {
+                    leaf.first =
+                        Some((self.table.target(nodes[0].target), packed(lights) | (branch as u32) << 31));
+                    leaf.first_texture = self.base_textures[target.material as usize];
+                    return;
+                }
+                let seen = candidates.unwrap_or(nodes.map(|node| (node.target, node.lit)));
+                let places = seen.map(|(target, _)| self.table.target(target));
+                (head(NODE_FIRST_PLANES, seen.map(|(_, lit)| lit), places), no_parts)
             }
-        } else if followed && (flat || !single) {
-            let seen = candidates.unwrap_or(nodes.map(|node| (node.target, node.lit)));
-            let places = seen.map(|(target, _)| self.table.target(target));
-            (head(NODE_FIRST_PLANES, seen.map(|(_, lit)| lit), places), [ones, unused, unused])
-        } else if !single {
-            let places = nodes.map(|node| self.table.target(node.target));
-            let scaled = std::array::from_fn(|i| throughputs[i].extend(scales[i].0));
-            let parts = [scaled, rays.map(|ray| ray.0.extend(0.0)), rays.map(|ray| ray.1.extend(0.0))];
-            (head(NODE_PLANES, lights, places), parts)
-        } else {
-            let at = std::array::from_fn(|i| match &target.patch {
-                Some(patch) => corners[i].on_plane(patch, nodes[i]),
-                None => corners[i].on_chart(nodes[i]),
-            });
-            (head(NODE_TEXTURE, lights, texture()), texture_parts(shades, at))
+            (Shape::Planes { own: false }, _) => {
+                let places = nodes.map(|node| self.table.target(node.target));
+                let rays: [_; 3] = std::array::from_fn(|i| corners[i].weighted(nodes[i]));
+                let parts = [
+                    std::array::from_fn(|i| throughputs[i].extend(rays[i].0)),
+                    rays.map(|(_, origin, _)| origin.extend(0.0)),
+                    rays.map(|(.., direction)| direction.extend(0.0)),
+                ];
+                (head(NODE_PLANES, lights, places), parts)
+            }
+            (Shape::Plane { own: false }, Some(patch)) => {
+                texture(leaf, std::array::from_fn(|i| corners[i].on_plane(patch, nodes[i])))
+            }
+            (Shape::Plane { own: false } | Shape::Chart, _) => {
+                texture(leaf, std::array::from_fn(|i| corners[i].on_chart(nodes[i])))
+            }
         };
-        if head[0] & 7 == NODE_TEXTURE {
-            self.combine(leaf, corners, nodes.map(Some), |node| node.throughput * node.local.added);
-            leaf.note_texture(head[1]);
-        } else {
-            leaf.all_kinds = true;
-        }
+        leaf.all_kinds |= head[0] & 7 != NODE_TEXTURE;
         leaf.texels.push(head);
         leaf.texels.extend(parts.into_iter().flatten().map(floats));
         leaf.count += 1;

@@ -13,6 +13,7 @@ pub mod mesh;
 pub mod predict;
 pub mod reserve;
 pub mod samples;
+pub mod shape;
 pub mod shown;
 pub mod store;
 pub mod structure;

@@ -7,9 +7,10 @@
 use glam::{Vec2, Vec3};
 
 use super::samples::Sample;
+use super::shape::Shape;
 use super::structure::Structure;
 use crate::options::Reconstruction;
-use crate::scene::patch::{ENVIRONMENT, Patch, TargetId, Targets};
+use crate::scene::patch::{Patch, TargetId, Targets};
 use crate::scene::{Scene, View};
 use crate::trace::sample::Node;
 
@@ -113,34 +114,32 @@ impl Predictor<'_> {
     /// reconstruction from `ends` with equal weights.
     fn exact(&self, node: &Node, ends: [&Node; 2], distances: [f32; 2]) -> (f32, f32) {
         let structure = self.structure(node.target);
+        let lost = (mean_square(weight(node, structure)), 0.25);
         let [a, b] = ends;
-        let followed = [a, b, node].into_iter().all(Node::is_followed);
-        if a.target != b.target || a.target != node.target {
-            let Some(end) = self.drawn_candidate(node, ends, distances) else {
-                return (mean_square(weight(node, structure)), 0.25);
-            };
-            if end.lit != node.lit {
-                let jump = node.throughput * (node.local.textured - end.local.textured);
-                return (mean_square(jump) * structure.mean_square, 0.25);
-            }
-            if followed {
-                return (0.0, 0.0);
-            }
-            let tint = node.throughput - (a.throughput + b.throughput) * 0.5;
-            return (mean_square(tint * node.local.textured) * structure.mean_square, 0.0);
-        }
+        let Some(shape) = Shape::of(&[a, b, node], self.targets) else { return lost };
         let lit_differs = a.lit != b.lit || a.lit != node.lit;
-        let patch = self.targets.targets[node.target as usize].patch.as_ref();
-        let (uv, shift) = match patch {
+        let (uv, shift) = match shape {
+            Shape::Planes { own } => {
+                let Some(end) = self.drawn_candidate(node, ends, distances) else { return lost };
+                if end.lit != node.lit {
+                    let jump = node.throughput * (node.local.textured - end.local.textured);
+                    return (mean_square(jump) * structure.mean_square, 0.25);
+                }
+                if own {
+                    return (0.0, 0.0);
+                }
+                let tint = node.throughput - (a.throughput + b.throughput) * 0.5;
+                return (mean_square(tint * node.local.textured) * structure.mean_square, 0.0);
+            }
             // Lit per fragment, unless a shadow's border runs between the ends.
-            Some(_) if followed && !lit_differs => return (0.0, 0.0),
-            Some(_) if followed => (node.uv, 0.0),
-            Some(patch) => {
+            Shape::Plane { own: true } if !lit_differs => return (0.0, 0.0),
+            Shape::Plane { own: true } | Shape::Sky { .. } => (node.uv, 0.0),
+            Shape::Plane { own: false } => {
+                let Some(patch) = &self.targets.targets[node.target as usize].patch else { return lost };
                 let hit = bundle(patch, ends, distances).unwrap_or(Vec3::INFINITY);
                 (patch.uv(hit), relative_shift(hit, node, ends))
             }
-            None if node.target == ENVIRONMENT => (node.uv, 0.0),
-            None => {
+            Shape::Chart => {
                 let w = [0, 1].map(|i| distances[i] / (distances[i] + ends[i].after));
                 let uv = (a.uv * w[0] + b.uv * w[1]) / (w[0] + w[1]);
                 (uv, uv_shift(uv, node.uv, [a.uv, b.uv]))
@@ -176,9 +175,6 @@ impl Predictor<'_> {
     /// says that the border is curved, and that part of it may hide in faces beside it whose corners all see one
     /// target.
     fn drawn_candidate<'n>(&self, node: &Node, ends: [&'n Node; 2], distances: [f32; 2]) -> Option<&'n Node> {
-        if !self.are_candidates(ends.into_iter()) {
-            return None;
-        }
         let drawn = self.nearest_candidate(&ends, mean_ray(ends, distances));
         drawn.filter(|end| end.target == node.target)
     }
@@ -210,18 +206,12 @@ impl Predictor<'_> {
         missed as f32 / all as f32
     }
 
-    /// Whether differing targets of one path can be told apart per fragment: planar, outlined, diffuse.
-    pub fn are_candidates<'n>(&self, mut nodes: impl Iterator<Item = &'n Node>) -> bool {
-        nodes.all(|node| self.targets.is_outlined(node.target))
-    }
-
     /// The paths that are followed between all three corners.
     pub fn trusted<'n>(&self, corners: [Corner<'n>; 3]) -> impl Iterator<Item = [&'n Node; 3]> {
         corners[0].sample.nodes.iter().enumerate().filter_map(move |(at, a)| {
             let near = |corner: usize| corners[corner].sample.node_near(a.path, at);
             let nodes = [a, near(1)?, near(2)?];
-            let one = nodes.iter().all(|node| node.target == a.target);
-            (one || self.are_candidates(nodes.into_iter())).then_some(nodes)
+            Shape::of(&nodes, self.targets).map(|_| nodes)
         })
     }
 
@@ -278,14 +268,11 @@ impl Predictor<'_> {
     /// Squared contribution that is not interpolated although all three corners have the path.
     fn mismatch(&self, corners: [Corner; 3], nodes: [&Node; 3]) -> Option<f32> {
         let [a, b, c] = nodes;
-        let same_target = a.target == b.target && b.target == c.target;
         let whole = || contribution_of(&nodes.map(Some), self);
         let mut loss = 0.0_f32;
-        if !same_target {
-            if self.reconstruction == Reconstruction::Paper || !self.are_candidates(nodes.into_iter()) {
-                return Some(whole());
-            }
-            if touches(nodes) {
+        let Some(shape) = Shape::of(&nodes, self.targets) else { return Some(whole()) };
+        if matches!(shape, Shape::Planes { .. }) {
+            if self.reconstruction == Reconstruction::Paper || touches(nodes) {
                 return Some(whole());
             }
             // Where the surface is curved, the border bulges into faces beside it whose corners see one target.
