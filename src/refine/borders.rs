@@ -1,18 +1,27 @@
-//! Shadows' borders, followed from the leaves whose pixels are traced: where one leaves between two corners that are lit
-//! alike, no sample says that it goes on. Thin shadows would break into pieces.
+//! Borders, of shadows and of what is reflected or transmitted, followed from the leaves whose pixels are traced: where one
+//! leaves between two corners that are alike, no sample says that it goes on. Thin shadows and thin objects would break into
+//! pieces.
 
 use glam::Vec3;
 use rayon::prelude::*;
 
 use super::Refiner;
-use super::judge::State;
+use super::judge::{FLAT, State};
 use super::mesh::{Mesh, Split};
-use super::samples::start;
-use crate::trace::Rays;
-use crate::trace::sample::{self, Start};
+use super::predict;
+use super::samples::{Sample, start};
+use crate::trace::sample::{self, Context, Node, Start};
+use crate::trace::{Rays, Settings};
 
-/// Distance, in pixels, of the points of an edge at which its light is asked for.
+/// Distance, in pixels, of the points of an edge that are looked at.
 const PITCH: f32 = 2.0;
+
+/// Shares of an edge between corners that see different planes at which their light is asked for.
+const BETWEEN: [f32; 3] = [0.25, 0.5, 0.75];
+
+/// Bounces up to which borders are followed: in a mirror, and through what transmits, on both of its sides.
+const IN_MIRRORS: u32 = 1;
+const THROUGH_GLASS: u32 = 2;
 
 /// Part of the way from where a border meets an edge to the opposite corner of the face beyond, where it is looked for.
 const BEYOND: f32 = 0.01;
@@ -48,18 +57,45 @@ impl Refiner<'_> {
         }
     }
 
-    /// Notes where borders leave the receivers among the traced faces from `first` on for leaves that are not traced.
+    /// Whether between corners of `face` that see different planes by `nodes`, a path of one bounce, one of these is lit
+    /// otherwise than where a corner sees it, or another one is seen: what the corners say of a plane's light is drawn up to
+    /// its border with the next.
+    pub(super) fn is_lit_otherwise(&self, face: u32, nodes: [&Node; 3], rays: &mut Rays) -> bool {
+        let settings = Settings { depth: 1, ..*self.context.settings };
+        let context = Context { settings: &settings, ..*self.context };
+        let corners = self.mesh.faces[face as usize].corners;
+        let mut found = Vec::new();
+        (0..3).filter(|&i| nodes[i].target != nodes[(i + 1) % 3].target).any(|i| {
+            let ends = [corners[i], corners[(i + 1) % 3]];
+            BETWEEN.into_iter().any(|share| {
+                found.clear();
+                sample::trace(&context, &between(&self.mesh, ends, share), &mut found, rays);
+                let known = |node: &Node| {
+                    nodes.iter().any(|corner| corner.target == node.target && corner.lit == node.lit)
+                };
+                found.iter().any(|node| node.path == nodes[0].path && !known(node))
+            })
+        })
+    }
+
+    /// Notes where borders leave the traced faces from `first` on for leaves that are not traced.
     pub(super) fn find_crossings(&mut self, first: usize) {
         let context = self.context;
-        if !context.settings.shadows.apply(false, 0) || context.tracer.scene().lights.is_empty() {
-            return;
-        }
-        let receivers: Vec<u32> = self.pixel_faces[first..]
+        let shadows = context.settings.shadows.apply(false, 0) && !context.tracer.scene().lights.is_empty();
+        // Samples of curved surfaces lie close, or their pixels are traced, whatever they say.
+        let followed = |face: u32| match self.is_receiver(face) {
+            true => shadows,
+            false => {
+                let corners = self.mesh.faces[face as usize].corners;
+                predict::curvature(corners.map(|corner| self.corner(corner))) <= FLAT
+            }
+        };
+        let traced: Vec<u32> = self.pixel_faces[first..]
             .iter()
             .copied()
-            .filter(|&face| self.mesh.faces[face as usize].is_leaf() && self.is_receiver(face))
+            .filter(|&face| self.mesh.faces[face as usize].is_leaf() && followed(face))
             .collect();
-        let found: Vec<(Vec<Crossing>, Rays)> = receivers
+        let found: Vec<(Vec<Crossing>, Rays)> = traced
             .par_iter()
             .with_min_len(16)
             .map(|&face| {
@@ -76,7 +112,12 @@ impl Refiner<'_> {
 
     /// The same for one edge of one face.
     fn cross(&self, face: u32, edge: usize, crossings: &mut Vec<Crossing>, rays: &mut Rays) {
-        let Self { mesh, context, .. } = self;
+        let mesh = &self.mesh;
+        let material = self.context.tracer.scene().face_material(mesh.faces[face as usize].base);
+        let bounces = if material.transmission > 0.0 { THROUGH_GLASS } else { IN_MIRRORS };
+        let settings = self.context.settings;
+        let settings = Settings { depth: settings.depth.min(bounces), ..*settings };
+        let context = &Context { settings: &settings, ..*self.context };
         let open = |&other: &u32| {
             let State { traced, pixels, .. } = self.state[other as usize];
             !traced && pixels > 0.0
@@ -84,14 +125,22 @@ impl Refiner<'_> {
         let mut beyond = mesh.beyond(face, edge).filter(open).peekable();
         let corners = mesh.faces[face as usize].corners;
         let ends = [corners[edge], corners[(edge + 1) % 3]];
-        let lit = ends.map(|end| self.samples.get(end).primary.lit);
-        if beyond.peek().is_none() || lit[0] != lit[1] {
+        let [a, b] = ends.map(|end| self.samples.get(end));
+        if beyond.peek().is_none() || !is_alike(a, b, bounces) {
             return;
         }
+        let mut nodes = Vec::new();
+        let mut differs = |share: f32| {
+            let start = between(mesh, ends, share);
+            if self.is_receiver(face) {
+                return sample::lights_at(context, &start, rays) != a.primary.lit;
+            }
+            nodes.clear();
+            let primary = sample::trace(context, &start, &mut nodes, rays);
+            !is_alike(Sample { primary: &primary, nodes: &nodes }, a, bounces)
+        };
         let steps = (mesh.length_of(face, edge) / PITCH).ceil();
-        let crossed = (1..steps as u32)
-            .map(|step| step as f32 / steps)
-            .find(|&share| sample::lights_at(context, &between(mesh, ends, share), rays) != lit[0]);
+        let crossed = (1..steps as u32).map(|step| step as f32 / steps).find(|&share| differs(share));
         let Some(share) = crossed else { return };
         for other in beyond {
             let [a, b] = ends.map(|end| mesh.image(end));
@@ -103,6 +152,14 @@ impl Refiner<'_> {
                 .push(Crossing { base: mesh.faces[other as usize].base, image: at.lerp(middle, BEYOND) });
         }
     }
+}
+
+/// Whether two samples are lit alike, and have the same paths of at most `bounces`, with the same ends, lit alike.
+fn is_alike(one: Sample, other: Sample, bounces: u32) -> bool {
+    let few = |node: &&Node| u32::from(node.bounces) <= bounces;
+    let key = |node: &Node| (node.path, node.target, node.lit);
+    let [mine, others] = [one, other].map(|sample| sample.nodes.iter().filter(few).map(key));
+    one.primary.lit == other.primary.lit && mine.eq(others)
 }
 
 /// What lies between the ends of an edge.

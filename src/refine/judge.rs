@@ -4,10 +4,11 @@ use glam::Vec3;
 use rayon::prelude::*;
 
 use super::predict::{self, Corner, Deviation};
-use super::{Entry, Refiner, guard, shown};
-use crate::options::Reconstruction;
-use crate::scene::View;
+use super::{COLOR_PER_PIXEL, Entry, Refiner, guard, mesh, shown};
+use crate::options::{DEFAULT_ERROR, Reconstruction};
 use crate::scene::patch::TargetId;
+use crate::scene::{TextureSlot, View};
+use crate::trace::{Rays, texel};
 
 /// Exploration: squared error assumed of a face that nothing is known of. It fades by level, and for large faces
 /// with the square of the pixels, below [`EXPLORE_PIXELS`]: what hides between samples is likely to be no
@@ -21,7 +22,7 @@ const EXPLORE_PIXELS: f32 = 3000.0;
 const BLIND: f32 = 0.1;
 
 /// Squared error expected of each pixel of a face of that size for what its samples do not say; less of a smaller one. As
-/// predictions of demo scenes at few samples have it (tests/exact.rs).
+/// predictions of demo scenes at few samples have it (tests/effort.rs).
 const UNSEEN: f32 = 0.0005;
 
 /// Bounces up to which that holds, and the least throughput of paths of more.
@@ -44,10 +45,15 @@ const HOPELESS_SHARE: f32 = 0.25;
 /// exploration it does not fade, since what stands there does not go away.
 const GUARDED: f32 = 0.05;
 
+/// Squared contribution expected of a face that is specular between its corners alone, and parts of its edges between the
+/// points at which it is looked at.
+const SPECULAR_BETWEEN: f32 = 0.1;
+const LATTICE: u32 = 7;
+
 /// Largest angle between the normals of a face's corners, in radians, at which its shafts are looked into. What hides is
 /// hidden by the size of flat faces; on curved ones samples lie close, and looking into their shafts made refinement
 /// three to ten times as long and found nothing (docs/samples.md).
-const FLAT: f32 = 0.01;
+pub(super) const FLAT: f32 = 0.01;
 
 /// Predicted squared error per pixel below which nothing is worth a sample: half an 8-bit step.
 const NEGLIGIBLE: f32 = (0.5 / 255.0) * (0.5 / 255.0);
@@ -79,7 +85,7 @@ pub(super) struct State {
     pub pixels: f32,
     /// Whether all of it seems to show.
     pub whole: bool,
-    /// Squared contribution of the paths whose shafts are entered.
+    /// Squared contribution of the paths whose shafts are entered, or that meet what no corner tells.
     pub guarded: f32,
     /// Its clear shafts.
     pub clear: Clear,
@@ -111,7 +117,7 @@ impl State {
 impl Refiner<'_> {
     /// Estimates new faces, each with what it takes over, and queues those that are leaves.
     pub(super) fn judge(&mut self, faces: &[(u32, Inherited)]) {
-        let states: Vec<State> = faces
+        let states: Vec<(State, Rays)> = faces
             .par_iter()
             .with_min_len(32)
             .map(|&(face, Inherited { deviation, clear, whole })| {
@@ -121,12 +127,13 @@ impl Refiner<'_> {
                 };
                 let size = self.mesh.size(face);
                 if pixels == 0.0 {
-                    return State { deviation, size, ..State::default() };
+                    return (State { deviation, size, ..State::default() }, Rays::default());
                 }
                 let corners = self.mesh.faces[face as usize].corners.map(|v| self.corner(v));
                 let shown = size * self.stretch(face);
-                let (guarded, clear) = self.guarded(face, corners, clear);
-                State {
+                let mut rays = Rays::default();
+                let (guarded, clear) = self.guarded(face, corners, clear, &mut rays);
+                let state = State {
                     deviation: self.predictor.face(corners, size).plus(deviation),
                     guarded,
                     clear,
@@ -144,11 +151,13 @@ impl Refiner<'_> {
                             CURVED * (HOPELESS * size / self.stop_size(face)).max(1.0),
                         ),
                     traced: false,
-                }
+                };
+                (state, rays)
             })
             .collect();
-        for (&(face, _), state) in faces.iter().zip(states) {
+        for (&(face, _), (state, rays)) in faces.iter().zip(states) {
             self.state[face as usize] = state;
+            self.border_rays += rays;
             if !self.mesh.faces[face as usize].is_leaf() {
                 continue;
             }
@@ -172,7 +181,9 @@ impl Refiner<'_> {
         let paper = self.predictor.reconstruction == Reconstruction::Paper;
         let first = paper && self.target.is_some() && self.is_urgent(face);
         let worth = if first { worth.max(1.0) } else { worth };
-        let negligible = self.target.map_or(NEGLIGIBLE, |[_, color]| NEGLIGIBLE.min(color * color));
+        // Against a budget, as far down as without one.
+        let color = self.target.map_or(DEFAULT_ERROR * COLOR_PER_PIXEL, |[_, color]| color);
+        let negligible = NEGLIGIBLE.min(color * color);
         if pixels > 0.0 && worth > negligible {
             self.queue.push(Entry { priority: worth * pixels, face });
         }
@@ -216,11 +227,18 @@ impl Refiner<'_> {
         }
     }
 
-    /// Squared contribution of the paths of one bounce that seem to be known although something stands between them, and
-    /// the shafts that are clear; `known` are those of the face that this one is half of.
-    fn guarded(&self, face: u32, corners: [Corner; 3], known: Clear) -> (f32, Clear) {
+    /// Squared contribution of the paths that meet what no corner tells, and of those of one bounce that seem to be known
+    /// although something stands between them; and the shafts that are clear: `known` are those of the face that this one is half of.
+    fn guarded(&self, face: u32, corners: [Corner; 3], known: Clear, rays: &mut Rays) -> (f32, Clear) {
         let (mut square, mut clear) = (0.0, Clear::default());
-        if !self.predictor.shaft_guard || predict::curvature(corners) > FLAT {
+        if !self.predictor.shaft_guard {
+            return (square, clear);
+        }
+        square += self.predictor.untold(corners);
+        if corners.iter().all(|corner| corner.sample.nodes.is_empty()) && self.is_specular_between(face) {
+            square += SPECULAR_BETWEEN;
+        }
+        if predict::curvature(corners) > FLAT {
             return (square, clear);
         }
         let base = self.mesh.faces[face as usize].base;
@@ -229,13 +247,38 @@ impl Refiner<'_> {
             let [a, b, c] = nodes.map(|node| node.target);
             let shaft = (a == b && b == c).then_some((nodes[0].path, a));
             let within = shaft.is_some() && known.contains(&shaft);
-            if !within && guard::is_entered(self.context, own, nodes) {
+            if !within && guard::is_entered(self.context, own, nodes)
+                || shaft.is_none() && self.is_lit_otherwise(face, nodes, rays)
+            {
                 square += self.predictor.square(nodes[0]);
             } else if let Some(room) = clear.iter_mut().find(|room| room.is_none()) {
                 *room = shaft;
             }
         }
         (square, clear)
+    }
+
+    /// Whether a texture makes the face specular between its corners, for instance where metal shows between stripes of paint.
+    fn is_specular_between(&self, face: u32) -> bool {
+        let scene = self.context.tracer.scene();
+        let mesh::Face { base, corners, .. } = self.mesh.faces[face as usize];
+        let material = scene.face_material(base);
+        let textures = [material.metallic_roughness_texture, material.transmission_texture];
+        if !scene.is_vt(base) || textures == [None; 2] {
+            return false;
+        }
+        let at = |slot: &TextureSlot, shares: [f32; 3]| {
+            let uv = corners.map(|corner| self.mesh.vertices[corner as usize].uv[usize::from(slot.uv_set)]);
+            texel::lookup(scene, slot, uv[0] * shares[0] + uv[1] * shares[1] + uv[2] * shares[2])
+        };
+        let specular = |shares: [f32; 3]| {
+            let [metallic, transmission] = textures.map(|slot| slot.map(|slot| at(&slot, shares)));
+            let metallic = material.metallic * metallic.map_or(1.0, |texel| texel.z);
+            let transmission = material.transmission * transmission.map_or(1.0, |texel| texel.x);
+            metallic.max(transmission) > self.context.settings.min_throughput
+        };
+        let lattice = (0..=LATTICE).flat_map(|i| (0..=LATTICE - i).map(move |j| [i, j, LATTICE - i - j]));
+        lattice.map(|shares| shares.map(|share| share as f32 / LATTICE as f32)).any(specular)
     }
 
     /// Whether the face is visible and its samples say too little of it: it is too large, too curved, or a normal map bends

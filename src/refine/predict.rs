@@ -11,7 +11,7 @@ use super::shape::Shape;
 use super::structure::Structure;
 use crate::options::Reconstruction;
 use crate::scene::patch::{Patch, TargetId, Targets};
-use crate::scene::{Scene, View};
+use crate::scene::{Material, Scene, View};
 use crate::trace::sample::Node;
 
 /// Share of a contribution's square that Gouraud shading across an unresolved border loses: a step drawn
@@ -226,6 +226,24 @@ impl Predictor<'_> {
             let mut deep = one.nodes.iter().enumerate().filter(|(_, node)| node.bounces > 1);
             deep.any(|(at, node)| other.node_near(node.path, at).is_some_and(|same| turns(node, same)))
         })
+    }
+
+    /// Largest squared contribution of a node at a corner whose target shows what corners do not tell: holes, or a texture that
+    /// glows, which no fragment looks up but on a plane that it sees after one bounce.
+    pub fn untold(&self, corners: [Corner; 3]) -> f32 {
+        let untold = |node: &Node| {
+            let target = &self.targets.targets[node.target as usize];
+            let own = node.is_followed() && target.patch.is_some();
+            match self.scene.materials.get(target.material as usize) {
+                _ if target.pierced => self.square(node),
+                Some(Material { emissive_texture: Some(_), emissive, .. }) if !own => {
+                    mean_square(node.throughput * *emissive)
+                }
+                _ => 0.0,
+            }
+        };
+        let nodes = corners.iter().flat_map(|corner| corner.sample.nodes);
+        nodes.map(untold).fold(0.0, f32::max)
     }
 
     /// Squared contribution of a node with the mean texel.

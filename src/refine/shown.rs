@@ -31,7 +31,7 @@ const FEW: &[[f32; 3]] =
     &[[1.0 / 3.0, 1.0 / 3.0, 1.0 / 3.0], [0.7, 0.15, 0.15], [0.15, 0.7, 0.15], [0.15, 0.15, 0.7]];
 const MANY_SIDE: u32 = 6;
 
-/// Rows in which a face is looked for that reaches beyond the frame, and points in each of them.
+/// Rows in which a face is looked for that points spread over it would miss, and points in each of them.
 const MOST_IN_ROW: u32 = 24;
 
 /// The face that needs samples and shows at pixel (`x`, `y`), by a primary ray if no image says it.
@@ -53,9 +53,12 @@ pub fn visible(mesh: &Mesh, view: &View, shown: Shown, face: u32) -> (f32, bool)
     let pixels = shown.counts[base as usize] as f32;
     if let Some(ids) = shown.ids {
         let (found, all) = visible_in_image(mesh, view, ids, face);
-        // What is seen of a face of the scene between all points is known.
-        let lost = found == 0.0 && mesh.root(base) == Some(face);
-        return (if lost { pixels } else { found }, all);
+        return match found == 0.0 {
+            // What is seen of a face of the scene between all points is known.
+            true if mesh.root(base) == Some(face) => (pixels, all),
+            true => (visible_in_rows(mesh, view, ids, face), all),
+            false => (found, all),
+        };
     }
     let whole = mesh.root(base).map_or(0.0, |root| mesh.area(root));
     (if whole > 0.0 { pixels * (mesh.area(face) / whole).min(1.0) } else { pixels }, false)
@@ -94,8 +97,8 @@ fn visible_in_image(mesh: &Mesh, view: &View, ids: IdImage, face: u32) -> (f32, 
     (area * share, share == 1.0)
 }
 
-/// The same for a face that reaches far beyond the frame, or behind the eye: it is looked for row by row in the part of the
-/// frame that it covers, since points spread over all of the face would miss what is seen.
+/// The same for a face that few points all over it miss, or that reaches far beyond the frame or behind the eye: it is looked
+/// for row by row in the part of the frame that it covers.
 fn visible_in_rows(mesh: &Mesh, view: &View, ids: IdImage, face: u32) -> f32 {
     let base = mesh.faces[face as usize].base;
     let footprint = Footprint::new(mesh, view, face);

@@ -114,7 +114,8 @@ mod tests {
     #[test]
     fn a_plain_texture_never_changes() {
         let plain = structure(16, 16, |_, _| 255);
-        assert_eq!(plain.displaced(Vec2::new(3.0, 1.0)), 0.0);
+        // Weights of a bilinear filter add up to 1 but for rounding.
+        assert!(plain.displaced(Vec2::new(3.0, 1.0)) < 1e-12);
         assert!((plain.mean_square - 1.0).abs() < 1e-5);
     }
 

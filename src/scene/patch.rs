@@ -9,7 +9,7 @@ use std::ops::Range;
 
 use glam::{DMat2, DVec2, DVec3, Vec2, Vec3, Vec4};
 
-use super::{Material, Scene, TextureSlot, topology::Topology};
+use super::{AlphaMode, Material, Object, Scene, TextureSlot, topology::Topology};
 
 /// Index into [`Targets::targets`].
 pub type TargetId = u32;
@@ -33,6 +33,8 @@ pub struct Target {
     pub material: u32,
     /// Its plane and maps if it is planar.
     pub patch: Option<Patch>,
+    /// Whether an alpha mask may cut holes into it, through which a ray goes on: only the ray itself knows.
+    pub pierced: bool,
 }
 
 /// Plane, texture maps and outline of a planar patch.
@@ -62,13 +64,14 @@ impl Targets {
     /// Finds the patches and charts of `scene`.
     pub fn new(scene: &Scene, topology: &Topology) -> Self {
         let geometry = &scene.geometry;
-        let mut targets = vec![Target { material: u32::MAX, patch: None }];
+        let mut targets = vec![Target { material: u32::MAX, patch: None, pierced: false }];
         let mut of_face = vec![u32::MAX; geometry.faces.len()];
         for object in &scene.objects {
             let faces = object.faces.clone();
             let material = &scene.materials[object.material as usize];
             let mut adjacency = Adjacency::new(scene, topology, faces.clone());
-            if can_be_planar(material) {
+            let pierced = is_pierced(scene, object);
+            if can_be_planar(material) && !pierced {
                 let total: f64 = faces.clone().map(|f| f64::from(geometry.area_normal(f).length())).sum();
                 for seed in faces.clone() {
                     if of_face[seed as usize] != u32::MAX {
@@ -86,7 +89,8 @@ impl Targets {
                         of_face[face as usize] = targets.len() as u32;
                     }
                     let outline = plane.outline(scene, &group, area);
-                    targets.push(Target { material: object.material, patch: Some(plane.patch(outline)) });
+                    let patch = Some(plane.patch(outline));
+                    targets.push(Target { material: object.material, patch, pierced });
                 }
             }
             let textured = material.base_color_texture.is_some() || material.emissive_texture.is_some();
@@ -101,7 +105,7 @@ impl Targets {
                 }
                 let chart = targets.len() as u32;
                 untextured_chart = Some(chart);
-                targets.push(Target { material: object.material, patch: None });
+                targets.push(Target { material: object.material, patch: None, pierced });
                 for face in adjacency.flood(seed, |face| of_face[face as usize] == u32::MAX) {
                     of_face[face as usize] = chart;
                 }
@@ -119,6 +123,18 @@ impl Targets {
     pub fn is_outlined(&self, target: TargetId) -> bool {
         self.targets[target as usize].patch.as_ref().is_some_and(|patch| patch.outline.is_some())
     }
+}
+
+/// Whether the alpha of an object with a mask is below its cutoff anywhere.
+fn is_pierced(scene: &Scene, object: &Object) -> bool {
+    let material = &scene.materials[object.material as usize];
+    let AlphaMode::Mask(cutoff) = material.alpha_mode else { return false };
+    let texels = material.base_color_texture.map_or(u8::MAX, |slot| {
+        let image = &scene.images[scene.textures[slot.texture as usize].image as usize];
+        image.rgba.iter().skip(3).step_by(4).copied().min().unwrap_or(u8::MAX)
+    });
+    let vertices = object.vertices.clone().map(|vertex| scene.geometry.color(vertex).w).fold(1.0, f32::min);
+    material.base_color.w * vertices * f32::from(texels) / 255.0 < cutoff
 }
 
 /// Textures other than base colour and emission vary the shading within a patch.

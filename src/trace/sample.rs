@@ -291,7 +291,7 @@ impl Walk<'_, '_> {
             node.throughput *= transmittance;
             node.absorbed |= transmittance != Vec3::ONE;
             node.local.added = shade::background(scene, branch.direction);
-            self.push(node, Local::default);
+            self.push(node, || false);
             return;
         };
         path.from_eye += hit.t;
@@ -313,22 +313,29 @@ impl Walk<'_, '_> {
             node.uv = slot.transform(surface.uvs[usize::from(slot.uv_set)]);
         }
         let target = node.target;
-        let lit_by_all = || shade::local(scene, &surface, &appearance, branch.direction, shade::ALL_LIT);
-        self.push(node, lit_by_all);
+        let elsewhere = || {
+            let glows = scene.materials[surface.material as usize].emissive_texture.is_some();
+            let lit_by_all = || shade::local(scene, &surface, &appearance, branch.direction, shade::ALL_LIT);
+            glows || node.lit != shade::ALL_LIT && shows(lit_by_all())
+        };
+        self.push(node, elsewhere);
         if surface.vt {
             path.identity = mix(path.identity, target << 1 | u32::from(surface.outside));
             self.branch(&surface, &appearance, branch.direction, path);
         }
     }
 
-    /// Keeps a node unless nothing of it would be seen even without shadows: a place in full shadow is
-    /// dark, but its path must still match that of its lit neighbours.
-    fn push(&mut self, node: Node, unshadowed: impl FnOnce() -> Local) {
-        let shows = |local: Local| (local.textured + local.added).max_element() > 0.0;
-        if shows(node.local) || node.lit != shade::ALL_LIT && shows(unshadowed()) {
+    /// Keeps a node that shows, or whose target would `elsewhere`: where it is in full shadow, or a texture that glows is black,
+    /// its path must still match that of its neighbours.
+    fn push(&mut self, node: Node, elsewhere: impl FnOnce() -> bool) {
+        if shows(node.local) || elsewhere() {
             self.nodes.push(node);
         }
     }
+}
+
+fn shows(local: Local) -> bool {
+    (local.textured + local.added).max_element() > 0.0
 }
 
 /// Folds `value` into a path's identity (the finaliser of MurmurHash3 over the sum).
