@@ -4,11 +4,12 @@ use glam::Vec3;
 use rayon::prelude::*;
 
 use super::predict::{self, Corner, Deviation};
-use super::{COLOR_PER_PIXEL, Entry, Refiner, guard, mesh, shown};
+use super::{COLOR_PER_PIXEL, Entry, Refiner, guard, mesh, samples, shown};
 use crate::options::{DEFAULT_ERROR, Reconstruction};
 use crate::scene::patch::TargetId;
 use crate::scene::{TextureSlot, View};
-use crate::trace::{Rays, texel};
+use crate::trace::sample::Context;
+use crate::trace::{Appearance, Rays, shade, texel};
 
 /// Exploration: squared error assumed of a face that nothing is known of. It fades by level, and for large faces
 /// with the square of the pixels, below [`EXPLORE_PIXELS`]: what hides between samples is likely to be no
@@ -134,7 +135,7 @@ impl Refiner<'_> {
                 let mut rays = Rays::default();
                 let (guarded, clear) = self.guarded(face, corners, clear, &mut rays);
                 let state = State {
-                    deviation: self.predictor.face(corners, size).plus(deviation),
+                    deviation: self.predictor.face(corners, size, || self.shadowed(face)).plus(deviation),
                     guarded,
                     clear,
                     pixels,
@@ -256,6 +257,20 @@ impl Refiner<'_> {
             }
         }
         (square, clear)
+    }
+
+    /// Largest square of the light that a shadow takes from a corner of the face.
+    fn shadowed(&self, face: u32) -> f32 {
+        let Context { tracer, view, .. } = *self.context;
+        let of_corner = |corner: u32| {
+            let primary = self.samples.get(corner).primary;
+            let surface = samples::start(&self.mesh, &self.mesh.vertices[corner as usize]).surface(tracer);
+            let direction = view.direction_to(surface.position);
+            let appearance = Appearance::new(tracer.scene(), &surface);
+            let lit = shade::local(tracer.scene(), &surface, &appearance, direction, shade::ALL_LIT);
+            predict::mean_square(lit.textured + lit.added - primary.local.textured - primary.local.added)
+        };
+        self.mesh.faces[face as usize].corners.map(of_corner).into_iter().fold(0.0, f32::max)
     }
 
     /// Whether a texture makes the face specular between its corners, for instance where metal shows between stripes of paint.

@@ -251,8 +251,9 @@ impl Predictor<'_> {
         mean_square(weight(node, self.structure(node.target)))
     }
 
-    /// What the corners of a face do not share; `size` is the face's longest edge in pixels.
-    pub fn face(&self, corners: [Corner; 3], size: f32) -> Deviation {
+    /// What the corners of a face do not share; `size` is the face's longest edge in pixels, `shadowed` the largest square of
+    /// the light that a shadow takes from one of them.
+    pub fn face(&self, corners: [Corner; 3], size: f32, shadowed: impl FnOnce() -> f32) -> Deviation {
         let mut deviation = Deviation::default();
         let samples = corners.map(|corner| corner.sample);
         let total =
@@ -276,7 +277,8 @@ impl Predictor<'_> {
         let [a, b, c] = samples.map(|sample| sample.primary);
         if a.lit != b.lit || a.lit != c.lit {
             let [a, b, c] = [a, b, c].map(|primary| primary.local.textured + primary.local.added);
-            let jump = mean_square(a - b).max(mean_square(b - c)).max(mean_square(c - a));
+            // Where one is lit by a light that does not reach it, and another is not, all are dark.
+            let jump = mean_square(a - b).max(mean_square(b - c)).max(mean_square(c - a)).max(shadowed());
             deviation.color += UNMATCHED * jump;
             deviation.shift += 0.25 * size * size * jump.sqrt() / total;
         }
@@ -394,7 +396,7 @@ fn total_contribution(sample: Sample) -> f32 {
 
 /// Mean over the channels of the square, no channel above 1: what lies beyond white is not seen, and a highlight's
 /// peak would draw all samples to itself.
-fn mean_square(color: Vec3) -> f32 {
+pub(super) fn mean_square(color: Vec3) -> f32 {
     let square = color.min(Vec3::ONE).max(Vec3::NEG_ONE).length_squared() / 3.0;
     if square.is_finite() { square } else { 1.0 }
 }
