@@ -8,12 +8,12 @@ use vertex_tracing::{
     options::Options,
     report::metrics::{Encoding, compare},
     scene::{
-        AlphaMode, Camera, Filter, Image, Material, Sampler, Scene, TextureSlot,
-        demo::{MaterialId, SceneBuilder, chrome, glass, matte, shape, texture},
+        AlphaMode, Camera, Filter, Image, Light, LightKind, Material, Sampler, Scene, TextureSlot,
+        demo::{Demo, MaterialId, SceneBuilder, chrome, glass, matte, shape, texture},
     },
 };
 
-use common::{TestGpu, image, options, traced};
+use common::{TestGpu, image, options, psnr, traced};
 
 /// Pixels that differ from the reference by more than a tenth, as they are displayed.
 fn wrong(gpu: &TestGpu, scene: &Scene, options: &Options) -> usize {
@@ -170,5 +170,50 @@ fn slivers_of_hidden_faces_are_refined() {
     builder.camera(Camera::look_at(vec3(0.0, 2.9, 0.01), Vec3::ZERO, 0.9));
     let count = wrong(&gpu, &builder.build().unwrap(), &options(320, 256));
     assert!(count < 8, "{count} pixels are wrong");
+    gpu.finish();
+}
+
+/// Where a light does not reach any more, corners are as dark in a shadow as out of it; in between it may still reach.
+#[test]
+fn shadows_at_the_rim_of_a_light_are_dark() {
+    let gpu = TestGpu::open();
+    let mut builder = SceneBuilder::new("ball at the rim of a spot light");
+    let white = builder.material(matte("white"));
+    let dark = builder.material(matte("dark").colored(Vec3::splat(0.05)));
+    builder.mesh("floor", shape::plane(vec3(-4.0, 0.0, 4.0), Vec3::X * 8.0, Vec3::NEG_Z * 8.0, 1.0), white);
+    builder.mesh("back", shape::plane(vec3(-4.0, 0.0, -4.0), Vec3::X * 8.0, Vec3::Y * 5.0, 1.0), white);
+    builder.mesh("ball", shape::sphere(vec3(1.5, 0.8, -1.0), 0.8, 3), dark);
+    let kind = LightKind::Spot {
+        position: vec3(3.0, 3.0, 3.0),
+        direction: vec3(-0.558, -0.279, -0.781).normalize(),
+        range: f32::INFINITY,
+        inner_cos: 0.39_f32.cos(),
+        outer_cos: 0.4_f32.cos(),
+    };
+    builder.light(Light { name: "spot".into(), kind, intensity: Vec3::splat(60.0) });
+    let mut scene = builder.build().unwrap();
+    let mut worst = 0;
+    for eye in [vec3(-1.32, 2.44, 0.68), vec3(0.41, 2.63, 1.23), vec3(-2.0, 3.0, 2.0), vec3(1.0, 4.0, 2.0)] {
+        scene.cameras = vec![Camera::look_at(eye, vec3(0.7, 0.5, -1.3), 1.2)];
+        worst = worst.max(wrong(&gpu, &scene, &options(320, 256)));
+    }
+    assert!(worst < 20, "{worst} pixels are wrong");
+    gpu.finish();
+}
+
+/// The corners of a mirror lie in its frame, and those of a floor in the light: a preview bisects what is large.
+#[test]
+fn previews_look_into_large_faces() {
+    let gpu = TestGpu::open();
+    for (demo, psnr_at_least) in [(Demo::MirrorAndWall, 30.0), (Demo::Cup, 25.0)] {
+        let scene = demo.scene();
+        let mut options = options(320, 256);
+        options.effort.preview = true;
+        let frame = gpu.render(&scene, &options);
+        let psnr = psnr(&image(&options, &traced(&scene, &options, 1, None)), &frame.image);
+        println!("{}: {} samples, {psnr:.1} dB", scene.name, frame.stats.samples);
+        assert!(psnr > psnr_at_least, "{}: {psnr:.1} dB", scene.name);
+        assert!(frame.stats.samples < 1200 && frame.stats.steps == 0, "{} samples", frame.stats.samples);
+    }
     gpu.finish();
 }

@@ -405,6 +405,8 @@ fn one_renderer_draws_previews_and_all_there_is() {
     let gpu = TestGpu::open();
     let scene = Demo::Cup.scene();
     let mut options = options(Mode::MultiTexture, Equation::Three, Reconstruction::Exact);
+    // Half of them are enough for all that a preview shows.
+    options.effort.max_samples = Some(6000);
     let view = options.view.resolve(&scene).unwrap();
     let full = gpu.render(&scene, &options).image;
     let effort =

@@ -103,7 +103,7 @@ impl MethodArgs {
 #[command(next_help_heading = "Effort")]
 #[allow(missing_docs)]
 pub struct EffortArgs {
-    /// Trace the vertices of visible faces only; no refinement
+    /// Trace the vertices of visible faces, and of the parts of large ones; no refinement
     #[arg(long, conflicts_with_all = ["error", "max_samples", "budget"])]
     pub preview: bool,
     /// Refine until reflections are predicted to be displaced by no more than this, and colours to be off by no more

@@ -171,9 +171,13 @@ impl Job<'_> {
             seen = Some((Instant::now(), started.elapsed()));
             Ok(())
         };
+        refiner.open_large(&options.effort);
         observe(&refiner)?;
         let stopped_by = refiner.run(&options.effort, self.started, observe)?;
-        refiner.unite();
+        // A preview is what an observer saw before the first step.
+        if refiner.steps > 0 {
+            refiner.unite();
+        }
         let ended = Instant::now();
         let (predicted, predicted_rmse) = refiner.predicted();
         let refined = ms(time);
