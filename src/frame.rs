@@ -75,7 +75,8 @@ const WARM_UP_SAMPLES: u64 = 4096;
 const WARM_UP_FACES: usize = 4096;
 const WARM_UP_DIRECT: u64 = 1024;
 
-/// The image after a refinement step; the first is the preview, before any.
+/// The image after a refinement step; the first is the preview, before any, as far as half of the samples that are allowed
+/// take it.
 pub struct Step {
     /// Steps taken.
     pub number: u32,

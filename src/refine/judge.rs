@@ -229,7 +229,8 @@ impl Refiner<'_> {
     }
 
     /// Squared contribution of the paths that meet what no corner tells, and of those of one bounce that seem to be known
-    /// although something stands between them; and the shafts that are clear: `known` are those of the face that this one is half of.
+    /// although something stands between them; and the shafts that are clear: `known` are those of the face that this one is
+    /// half of.
     fn guarded(&self, face: u32, corners: [Corner; 3], known: Clear, rays: &mut Rays) -> (f32, Clear) {
         let (mut square, mut clear) = (0.0, Clear::default());
         if !self.predictor.shaft_guard {

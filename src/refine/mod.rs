@@ -115,9 +115,9 @@ pub struct Refiner<'a> {
     /// leaf. Apart, for all are added up after every step.
     predicted: Vec<[f32; 2]>,
     queue: BinaryHeap<Entry>,
-    /// Where shadows' borders go on, and nothing else says it.
+    /// Where borders go on, and nothing else says it.
     crossings: Vec<Crossing>,
-    /// Rays that looked for these.
+    /// Rays that looked for these, and between corners that see different planes.
     pub border_rays: Rays,
     /// By material: whether it has a normal map that pixels can be traced for.
     mapped: Vec<bool>,
