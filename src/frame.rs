@@ -3,6 +3,7 @@
 mod ahead;
 mod kept;
 mod sampling;
+mod steps;
 
 use std::sync::Arc;
 use std::sync::atomic::AtomicBool;
@@ -17,6 +18,7 @@ use crate::plan::Plan;
 use crate::reconstruct::drawn::Drawn;
 use crate::reconstruct::frame_block::FrameBlock;
 use crate::reconstruct::nodes::Matcher;
+use crate::reconstruct::passes::Drawing;
 use crate::reconstruct::supersample;
 use crate::refine::Refiner;
 use crate::refine::reserve::Reserve;
@@ -31,7 +33,8 @@ pub use ahead::Ahead;
 use ahead::{Undelivered, overlaid};
 pub use kept::Kept;
 use kept::{Painted, Samples};
-use sampling::Job;
+use sampling::{Job, Sampled};
+use steps::LeafObserver;
 
 /// What tracing needs of a scene, whatever the view: absent if no ray is traced.
 struct Traced<'s> {
@@ -69,11 +72,12 @@ pub struct Renderer<'s> {
     traces_veils: bool,
 }
 
-/// Samples of the frame that compiles a scene's draws, the visible faces that it is about, and, of its samples, the pixels
-/// of faces beside the refined mesh.
+/// Samples of the frame that compiles a scene's draws, the visible faces that it is about, of its samples the pixels
+/// of faces beside the refined mesh, and samples of a pixel that it shades.
 const WARM_UP_SAMPLES: u64 = 4096;
 const WARM_UP_FACES: usize = 4096;
 const WARM_UP_DIRECT: u64 = 1024;
+const WARM_UP_SHADED: u32 = 4;
 
 /// The image after a refinement step; the first is the preview, before any, as far as half of the samples that are allowed
 /// take it.
@@ -278,69 +282,87 @@ impl<'s> Renderer<'s> {
         Ok(Frame { image: overlaid(image, overlay), stats })
     }
 
-    /// Draws one frame; its image stays with the painter, unless the host had a part in it.
-    fn draw(&mut self, view: &View, mut after_step: Option<Observer>) -> Result<Undelivered> {
+    /// Makes one frame; its image stays with the painter, unless the host had a part in it.
+    fn draw(&mut self, view: &View, observer: Option<Observer>) -> Result<Undelivered> {
         let started = Instant::now();
         let mut stats = self.blank_stats(view);
         let block = FrameBlock::new(self.scene, view);
-        let mut overlay = None;
-        let (mut refined, mut cost) = (Instant::now(), 0);
-        let mut leaves = match (&self.traced, &mut self.finder) {
-            (Some(traced), Some(finder)) => {
-                let Painted { painter, table, base_textures, .. } = &mut self.painted;
-                let matcher = Matcher {
-                    scene: self.scene,
-                    targets: &self.plan.targets,
-                    table,
-                    base_textures,
-                    room: self.options.method.nodes as usize,
-                };
-                let plan = &self.plan;
-                let found = finder.find(view, || painter.draw_base(&block))?;
-                let mut draw_step = |leaves: &mut Drawn,
-                                     refiner: &Refiner,
-                                     pixel_rays: Rays,
-                                     after: &mut Option<Observer>| {
-                    let Some(after) = after else { return Ok(()) };
-                    painter.upload(leaves)?;
-                    painter.draw(&block, Some(leaves), &plan.passes_for(leaves.components()).0)?;
-                    after(&Step {
-                        number: refiner.steps,
-                        samples: refiner.samples.sampled(),
-                        secondary_rays: refiner.samples.rays.secondary() + pixel_rays.total(),
-                        predicted_error: refiner.predicted().0,
-                        image: painter.read_image()?,
-                    })
-                };
-                let job = Job {
-                    topology: &plan.topology,
-                    matcher: &matcher,
-                    layout: plan.vertex_layout(),
-                    settings: &self.settings,
-                    options: &self.options,
-                    view,
-                    started,
-                    reserve: self.reserve,
-                    interrupt: &self.interrupt,
-                    step_interval: self.step_interval,
-                    most_faces: if self.warming_up { WARM_UP_FACES } else { usize::MAX },
-                    traces_veils: self.traces_veils,
-                    most_direct: if self.warming_up { WARM_UP_DIRECT } else { u64::MAX },
-                };
-                let observed = after_step.is_some();
-                let mut observe = |leaves: &mut Drawn, refiner: &Refiner, rays: Rays| {
-                    draw_step(leaves, refiner, rays, &mut after_step)
-                };
-                let store = self.samples.as_mut();
-                let sampled =
-                    job.sample(traced, &found, store, &mut stats, observed.then_some(&mut observe))?;
-                (overlay, refined) = (sampled.overlay, sampled.refined);
-                stats.notes.extend(finder.note.clone());
-                cost = sampled.cost;
-                Some(sampled.leaves)
-            }
-            _ => None,
+        let sampled = self.sample(view, &block, started, observer, &mut stats)?;
+        let (leaves, overlay, refined, cost) = match sampled {
+            Some(Sampled { leaves, overlay, refined, cost }) => (Some(leaves), overlay, refined, cost),
+            None => (None, None, Instant::now(), 0),
         };
+        let mut image = self.reconstruct(&block, leaves, &mut stats)?;
+        if self.plan.smooths && !self.warming_up && self.options.show.is_none() {
+            image = Some(self.smooth(view, image, &mut stats)?);
+        }
+        stats.time_ms.frame = ms(started);
+        self.finished = (cost, refined.elapsed());
+        Ok(Undelivered { image, overlay, stats })
+    }
+
+    /// Visibility, tracing and refinement; `None` if nothing is sampled. The image after every step goes to `observer`.
+    fn sample(
+        &mut self,
+        view: &View,
+        block: &FrameBlock,
+        started: Instant,
+        mut observer: Option<Observer>,
+        stats: &mut Stats,
+    ) -> Result<Option<Sampled>> {
+        let (Some(traced), Some(finder)) = (&self.traced, &mut self.finder) else { return Ok(None) };
+        let Painted { painter, table, base_textures, .. } = &mut self.painted;
+        let plan = &self.plan;
+        let matcher = Matcher {
+            scene: self.scene,
+            targets: &plan.targets,
+            table,
+            base_textures,
+            room: self.options.method.nodes as usize,
+        };
+        let job = Job {
+            topology: &plan.topology,
+            matcher: &matcher,
+            layout: plan.vertex_layout(),
+            settings: &self.settings,
+            options: &self.options,
+            view,
+            started,
+            reserve: self.reserve,
+            interrupt: &self.interrupt,
+            step_interval: self.step_interval,
+            most_faces: if self.warming_up { WARM_UP_FACES } else { usize::MAX },
+            traces_veils: self.traces_veils,
+            most_direct: if self.warming_up { WARM_UP_DIRECT } else { u64::MAX },
+        };
+        let found = finder.find(view, || painter.draw_base(block))?;
+        let mut show = observer.as_mut().map(|observer| {
+            |leaves: &mut Drawn, refiner: &Refiner, pixel_rays: Rays| {
+                painter.upload(leaves)?;
+                painter.draw(block, Some(leaves), &plan.passes_for(leaves.components()).0)?;
+                observer(&Step {
+                    number: refiner.steps,
+                    samples: refiner.samples.sampled(),
+                    secondary_rays: refiner.samples.rays.secondary() + pixel_rays.total(),
+                    predicted_error: refiner.predicted().0,
+                    image: painter.read_image()?,
+                })
+            }
+        });
+        let show = show.as_mut().map(|show| show as &mut LeafObserver);
+        let sampled = job.sample(traced, &found, self.samples.as_mut(), stats, show)?;
+        stats.notes.extend(finder.note.clone());
+        Ok(Some(sampled))
+    }
+
+    /// Draws what was sampled, or the scene's own faces alone. The mean of several draws is returned; the image of a single one
+    /// stays with the painter.
+    fn reconstruct(
+        &mut self,
+        block: &FrameBlock,
+        mut leaves: Option<Drawn>,
+        stats: &mut Stats,
+    ) -> Result<Option<FloatImage>> {
         let painter = &mut self.painted.painter;
         let time = Instant::now();
         let mut components = COMPONENT_PRIMARY;
@@ -353,37 +375,31 @@ impl<'s> Renderer<'s> {
         let (passes, nothing) = self.plan.passes_for(components);
         stats.left_out.extend(nothing);
         let shaded = self.options.method.ss.samples();
-        let shaded = if self.warming_up { shaded.min(4) } else { shaded };
-        let (drawings, mut image) = supersample::draw(painter, &block, leaves.as_ref(), &passes, shaded)?;
+        let shaded = if self.warming_up { shaded.min(WARM_UP_SHADED) } else { shaded };
+        let (drawings, image) = supersample::draw(painter, block, leaves.as_ref(), &passes, shaded)?;
         stats.time_ms.draw = ms(time);
-        if self.plan.smooths && !self.warming_up && self.options.show.is_none() {
-            let time = Instant::now();
-            let mut drawn = image.take().map_or_else(|| painter.read_image(), Ok)?;
-            let rays = self.smooth(view, &mut drawn)?.total();
-            image = Some(drawn);
-            stats.rays.pixel += rays;
-            stats.rays.total += rays;
-            stats.time_ms.smooth = ms(time);
-        }
-        stats.time_ms.frame = ms(started);
-        stats.passes = drawings
-            .into_iter()
-            .map(|drawing| stats::Pass {
-                name: drawing.name.into(),
-                ms: drawing.ms,
-                draws: drawing.draws.into(),
-            })
-            .collect();
-        self.finished = (cost, refined.elapsed());
-        Ok(Undelivered { image, overlay, stats })
+        let pass = |drawing: Drawing| stats::Pass {
+            name: drawing.name.into(),
+            ms: drawing.ms,
+            draws: drawing.draws.into(),
+        };
+        stats.passes = drawings.into_iter().map(pass).collect();
+        Ok(image)
     }
 
-    /// Traces pixels of the finished picture again.
-    fn smooth(&self, view: &View, image: &mut FloatImage) -> Result<Rays> {
-        let Self { traced, settings, options, interrupt, .. } = self;
-        let Some(Traced { tracer, .. }) = traced else { return Ok(Rays::default()) };
-        let most = options.method.pixel_samples.samples();
-        Smoothing { tracer, settings, view, most, interrupt }.apply(image)
+    /// Traces pixels of the finished picture again: of `image`, or of the painter's.
+    fn smooth(&mut self, view: &View, image: Option<FloatImage>, stats: &mut Stats) -> Result<FloatImage> {
+        let Self { traced, settings, options, interrupt, painted, .. } = self;
+        let time = Instant::now();
+        let mut image = image.map_or_else(|| painted.painter.read_image(), Ok)?;
+        if let Some(Traced { tracer, .. }) = traced {
+            let most = options.method.pixel_samples.samples();
+            let rays = Smoothing { tracer, settings, view, most, interrupt }.apply(&mut image)?.total();
+            stats.rays.pixel += rays;
+            stats.rays.total += rays;
+        }
+        stats.time_ms.smooth = ms(time);
+        Ok(image)
     }
 
     fn blank_stats(&self, view: &View) -> Stats {

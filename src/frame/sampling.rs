@@ -1,18 +1,18 @@
 //! Sampling one frame: from what is visible to the leaves that are drawn.
 
-use std::sync::atomic::{AtomicBool, Ordering};
+use std::sync::atomic::AtomicBool;
 use std::time::{Duration, Instant};
 
 use rustc_hash::FxHashSet;
 
 use super::kept::Samples;
+use super::steps::{LeafObserver, Steps};
 use super::{Traced, ms};
-use crate::error::{Error, Result};
-use crate::options::{Options, Reconstruction};
-use crate::pixels;
+use crate::error::Result;
+use crate::options::{Options, Reconstruction, Show};
 use crate::pixels::direct::Direct;
 use crate::pixels::leaves::TracedPixel;
-use crate::pixels::veils::Veils;
+use crate::pixels::picture::{Picture, Subject};
 use crate::reconstruct::drawn::Drawn;
 use crate::reconstruct::leaves;
 use crate::reconstruct::nodes::{Corner, Matcher};
@@ -34,9 +34,6 @@ use crate::visibility::Found;
 /// Nodes that a leaf of a preview owns at most: of so few samples more of them change next to nothing, and take half as long
 /// again to draw.
 const PREVIEW_NODES: usize = 2;
-
-/// Times that a step took to be shown, which must have passed before the next is.
-const PAUSE: u32 = 3;
 
 /// What sampling a frame needs besides what is traced.
 pub(super) struct Job<'a> {
@@ -70,180 +67,130 @@ pub(super) struct Sampled {
     pub cost: u64,
 }
 
-/// What is shown the leaves after every step.
-pub(super) type LeafObserver<'o> = &'o mut dyn FnMut(&mut Drawn, &Refiner, Rays) -> Result<()>;
-
 impl Job<'_> {
-    /// Visibility, tracing and refinement: from the view to the leaves that are drawn.
+    /// Tracing and refinement: from what is `visible` to the leaves that are drawn.
+    ///
+    /// # Errors
+    /// [`Error::Interrupted`](crate::error::Error::Interrupted); whatever `observer` returns.
     pub(super) fn sample(
         &self,
         traced: &Traced,
         visible: &Found,
         store: Option<&mut Samples>,
         stats: &mut Stats,
-        mut after_step: Option<LeafObserver>,
+        observer: Option<&mut LeafObserver>,
     ) -> Result<Sampled> {
-        let Self { matcher, topology, settings, options, view, .. } = *self;
-        let scene = matcher.scene;
-        let Traced { tracer, structures, adjacency, classes, .. } = traced;
-        let targets = matcher.targets;
-        stats.time_ms.visibility = visible.times.visibility;
-        stats.time_ms.readback = visible.times.readback;
-        stats.time_ms.scan = visible.times.scan;
-        stats.readback.bytes = visible.readback_bytes;
-        stats.readback.memory = Some(visible.readback_memory.name().into());
-        stats.image.vt_pixels = visible.faces.vt_pixels;
-        stats.faces.visible = visible.visible_vt as u64;
+        let Self { matcher: &Matcher { scene, targets, .. }, settings, options, view, .. } = *self;
+        let Traced { tracer, structures, .. } = traced;
+        note_visible(stats, visible);
 
-        let shown = Shown::from(visible);
         let time = Instant::now();
         let context = Context { tracer, targets, settings, view };
         let reconstruction = options.method.reconstruction;
-        // The paper's queue knows no guard.
-        let shaft_guard = options.effort.shaft_guard && reconstruction == Reconstruction::Exact;
-        let predictor = Predictor { targets, structures, scene, view, reconstruction, shaft_guard };
         let exact = reconstruction == Reconstruction::Exact;
-        // Drawn in a picture of their own, before all else; where samples are counted, blended as they are.
-        let veils = if exact && self.traces_veils { Veils::find(scene, view) } else { Veils::default() };
-        let blends = veils.is_empty() && scene.objects.iter().any(|object| scene.is_veil(object));
-        let direct = if exact && !blends { Direct::find(scene, view, visible) } else { Direct::none() };
-        let in_mesh: Vec<u32> = visible.visible.iter().copied().filter(|&face| !direct.is(face)).collect();
-        let seeds = adjacency.one_ring(scene, topology, &direct.without(classes), view, &in_mesh);
-        let some = seeds.len().div_ceil(self.most_faces).max(1);
-        let seeds: Vec<_> = seeds.into_iter().step_by(some).collect();
-        let mesh = Mesh::new(scene, topology, view, &seeds);
-        let (vertices, mut traced_before) =
-            store.map(|Samples { vertices, pixels, .. }| (vertices, pixels)).unzip();
+        // The paper's queue knows no guard.
+        let shaft_guard = options.effort.shaft_guard && exact;
+        let predictor = Predictor { targets, structures, scene, view, reconstruction, shaft_guard };
+        let shown = Shown::from(visible);
+        let subject =
+            if exact { Subject::find(scene, view, visible, self.traces_veils) } else { Subject::default() };
+        let mesh = self.mesh(traced, visible, &subject.direct);
+        let (vertices, mut pixels) = store.map(|Samples { vertices, pixels, .. }| (vertices, pixels)).unzip();
         let mut refiner = Refiner::new(&context, &predictor, mesh, shown, vertices);
         refiner.reserve = self.reserve;
-        let direct_started = Instant::now();
-        let (mut direct_pixels, mut direct_rays) = direct.trace(
-            &context,
-            visible.ids,
-            self.most_direct,
-            traced_before.as_deref_mut(),
-            self.interrupt,
-        )?;
-        refiner.add_direct(direct_pixels.len() as u64);
-        let (veiled, veiled_rays) = veils.trace(&context, self.most_direct, self.interrupt)?;
-        direct_pixels.retain(|pixel| !veils.covers(pixel.index));
-        direct_pixels.extend(veiled);
-        direct_rays += veiled_rays;
-        let depth = if veils.is_empty() { direct.depth } else { Veils::depth(view) };
-        let direct_time = direct_started.elapsed();
-        let with = |pixels: Vec<TracedPixel>, refiner: &Refiner, preview: bool| {
-            let (faces, veiled) = (refiner.pixel_faces.as_slice(), !veils.is_empty());
-            let traced = leaves::Traced { pixels, faces, direct: &direct_pixels, depth, veiled };
-            self.assemble(refiner, traced, preview)
-        };
-        // When a step was seen, and how long it took to show.
-        let mut seen: Option<(Instant, Duration)> = None;
-        // Of pixels that were traced to be shown, and are known when the finished frame needs them.
-        let mut kept_rays = Rays::default();
-        let mut observe = |refiner: &Refiner| {
-            if self.interrupt.load(Ordering::Relaxed) {
-                return Err(Error::Interrupted);
-            }
-            let Some(after_step) = &mut after_step else { return Ok(()) };
-            let too_soon =
-                |(at, took): (Instant, Duration)| at.elapsed() < self.step_interval.max(took * PAUSE);
-            if !self.step_interval.is_zero() && seen.is_some_and(too_soon) {
-                return Ok(());
-            }
-            let started = Instant::now();
-            let Refiner { mesh, pixel_faces, .. } = refiner;
-            let (pixels, rays) = pixels::leaves::trace(
-                &context,
-                mesh,
-                shown,
-                pixel_faces,
-                traced_before.as_deref_mut(),
-                self.interrupt,
-            )?;
-            if traced_before.is_some() {
-                kept_rays += rays;
-            }
-            after_step(
-                &mut with(pixels, refiner, refiner.steps == 0),
-                refiner,
-                rays + direct_rays + refiner.border_rays,
-            )?;
-            seen = Some((Instant::now(), started.elapsed()));
-            Ok(())
-        };
+
+        let picture_time = Instant::now();
+        let picture =
+            subject.trace(&context, visible.ids, self.most_direct, pixels.as_deref_mut(), self.interrupt)?;
+        let picture_time = picture_time.elapsed();
+        refiner.add_direct(picture.direct);
+
+        let mut steps = Steps::new(self, &context, shown, &picture, pixels, observer);
         refiner.open_large(&options.effort);
-        observe(&refiner)?;
-        let stopped_by = refiner.run(&options.effort, self.started, observe)?;
+        steps.show(&refiner)?;
+        let stopped_by = refiner.run(&options.effort, self.started, |refiner| steps.show(refiner))?;
         // A preview is what an observer saw before the first step.
         if refiner.steps > 0 {
             refiner.unite();
         }
-        let ended = Instant::now();
-        let (predicted, predicted_rmse) = refiner.predicted();
-        let refined = ms(time);
+        let (refined, refine_ms) = (Instant::now(), ms(time));
 
         let time = Instant::now();
-        let Refiner { mesh, pixel_faces, .. } = &refiner;
-        let (traced_pixels, pixel_rays) =
-            pixels::leaves::trace(&context, mesh, shown, pixel_faces, traced_before, self.interrupt)?;
-        let pixel_rays = pixel_rays + kept_rays + refiner.border_rays;
-        let pixels_ms = ms(time);
-        let tracing = refiner.samples.time + direct_time;
-        stats.time_ms.trace = tracing.as_secs_f64() * 1e3 + pixels_ms;
+        let (pixels, pixel_rays) = steps.finish(&refiner)?;
+        let tracing = refiner.samples.time + picture_time;
+        let trace_ms = tracing.as_secs_f64() * 1e3;
+        stats.time_ms.trace = trace_ms + ms(time);
 
         let time = Instant::now();
-        let leaves = with(traced_pixels, &refiner, options.effort.preview);
-        stats.time_ms.refine = refined - tracing.as_secs_f64() * 1e3 + ms(time);
+        let leaves = self.assemble(&refiner, pixels, &picture, options.effort.preview);
+        stats.time_ms.refine = refine_ms - trace_ms + ms(time);
 
-        stats.samples = refiner.samples.sampled();
-        stats.reused = refiner.samples.reused;
-        stats.rays = ray_stats(refiner.samples.rays, pixel_rays + direct_rays);
-        stats.steps = u64::from(refiner.steps);
-        stats.stopped_by = Some(match stopped_by {
-            StoppedBy::Error => stats::StoppedBy::Error,
-            StoppedBy::MaxSamples => stats::StoppedBy::MaxSamples,
-            StoppedBy::Budget => stats::StoppedBy::Budget,
-            StoppedBy::Exhausted => stats::StoppedBy::NothingLeft,
-            StoppedBy::Preview => stats::StoppedBy::Preview,
-        });
-        stats.predicted_error = Some(f64::from(predicted));
-        stats.predicted_rmse = Some(f64::from(predicted_rmse));
+        note_refined(stats, &refiner, stopped_by);
+        stats.rays = ray_stats(refiner.samples.rays, pixel_rays + picture.rays);
         stats.faces.leaves = leaves.len();
         let (defined, undefined) = leaves.defined();
         (stats.faces.defined, stats.faces.undefined) = (defined.into(), undefined.into());
-
-        let overlay = options.show.map(|show| {
-            let traced: FxHashSet<u32> = refiner.pixel_faces.iter().copied().collect();
-            show::overlay(
-                show,
-                &FrameData {
-                    scene,
-                    view,
-                    mesh: &refiner.mesh,
-                    samples: &refiner.samples,
-                    face_at: &|x, y| shown::face_at(&context, shown, classes, x, y),
-                    displacement: &|leaf| refiner.displacement(leaf),
-                    kind: &|leaf| self.kind(&refiner, leaf, traced.contains(&leaf)),
-                },
-            )
-        });
-        Ok(Sampled { leaves, overlay, refined: ended, cost: refiner.cost() })
+        let overlay = options.show.map(|show| self.overlay(show, traced, &context, shown, &refiner));
+        Ok(Sampled { leaves, overlay, refined, cost: refiner.cost() })
     }
 
-    fn assemble(&self, refiner: &Refiner, traced: leaves::Traced, preview: bool) -> Drawn {
-        let Refiner { mesh, samples, .. } = refiner;
+    /// The unrefined mesh: visible faces and those around them, but for what is traced beside it.
+    fn mesh(&self, traced: &Traced, visible: &Found, direct: &Direct) -> Mesh {
+        let (scene, topology, view) = (self.matcher.scene, self.topology, self.view);
+        let classes = direct.without(&traced.classes);
+        let in_mesh: Vec<u32> = visible.visible.iter().copied().filter(|&face| !direct.is(face)).collect();
+        let seeds = traced.adjacency.one_ring(scene, topology, &classes, view, &in_mesh);
+        let some = seeds.len().div_ceil(self.most_faces).max(1);
+        let seeds: Vec<_> = seeds.into_iter().step_by(some).collect();
+        Mesh::new(scene, topology, view, &seeds)
+    }
+
+    /// The leaves that are drawn, and what was traced for them.
+    pub(super) fn assemble(
+        &self,
+        refiner: &Refiner,
+        pixels: Vec<TracedPixel>,
+        picture: &Picture,
+        preview: bool,
+    ) -> Drawn {
+        let Refiner { mesh, samples, pixel_faces, .. } = refiner;
         let Matcher { scene, targets, base_textures, .. } = self.matcher;
         match self.options.method.reconstruction {
             Reconstruction::Exact => {
                 let Self { matcher, layout, view, .. } = *self;
                 let room = matcher.room.min(if preview { PREVIEW_NODES } else { usize::MAX });
                 let matcher = Matcher { room, ..*matcher };
+                let traced = leaves::Traced { pixels, faces: pixel_faces, picture };
                 Drawn::Exact(leaves::assemble(&matcher, layout, view, mesh, samples, traced))
             }
             Reconstruction::Paper => {
                 Drawn::Paper(paper::assemble(scene, targets, base_textures, self.view, mesh, samples))
             }
         }
+    }
+
+    /// The picture that `show` names.
+    fn overlay(
+        &self,
+        show: Show,
+        traced: &Traced,
+        context: &Context,
+        shown: Shown,
+        refiner: &Refiner,
+    ) -> Overlay {
+        let pixel_faces: FxHashSet<u32> = refiner.pixel_faces.iter().copied().collect();
+        show::overlay(
+            show,
+            &FrameData {
+                scene: self.matcher.scene,
+                view: self.view,
+                mesh: &refiner.mesh,
+                samples: &refiner.samples,
+                face_at: &|x, y| shown::face_at(context, shown, &traced.classes, x, y),
+                displacement: &|leaf| refiner.displacement(leaf),
+                kind: &|leaf| self.kind(refiner, leaf, pixel_faces.contains(&leaf)),
+            },
+        )
     }
 
     fn kind(&self, refiner: &Refiner, leaf: u32, traced: bool) -> LeafKind {
@@ -265,6 +212,34 @@ impl Job<'_> {
         };
         if defined { LeafKind::Defined } else { LeafKind::Undefined }
     }
+}
+
+/// What finding the visible faces gave, and took.
+fn note_visible(stats: &mut Stats, visible: &Found) {
+    stats.time_ms.visibility = visible.times.visibility;
+    stats.time_ms.readback = visible.times.readback;
+    stats.time_ms.scan = visible.times.scan;
+    stats.readback.bytes = visible.readback_bytes;
+    stats.readback.memory = Some(visible.readback_memory.name().into());
+    stats.image.vt_pixels = visible.faces.vt_pixels;
+    stats.faces.visible = visible.visible_vt as u64;
+}
+
+/// What refinement came to.
+fn note_refined(stats: &mut Stats, refiner: &Refiner, stopped_by: StoppedBy) {
+    stats.samples = refiner.samples.sampled();
+    stats.reused = refiner.samples.reused;
+    stats.steps = u64::from(refiner.steps);
+    stats.stopped_by = Some(match stopped_by {
+        StoppedBy::Error => stats::StoppedBy::Error,
+        StoppedBy::MaxSamples => stats::StoppedBy::MaxSamples,
+        StoppedBy::Budget => stats::StoppedBy::Budget,
+        StoppedBy::Exhausted => stats::StoppedBy::NothingLeft,
+        StoppedBy::Preview => stats::StoppedBy::Preview,
+    });
+    let (error, rmse) = refiner.predicted();
+    stats.predicted_error = Some(f64::from(error));
+    stats.predicted_rmse = Some(f64::from(rmse));
 }
 
 /// Rays of the vertices by kind, and all rays of the pixels that were traced one by one.

@@ -7,8 +7,9 @@ use std::sync::atomic::{AtomicBool, Ordering};
 use glam::Vec2;
 use rayon::prelude::*;
 
+use super::picture::PicturePixel;
+use super::point_on;
 use super::store::PixelStore;
-use super::{HalfRadiance, point_on};
 use crate::error::{Error, Result};
 use crate::scene::{Scene, View};
 use crate::trace::Rays;
@@ -31,15 +32,6 @@ const BATCH: usize = 64;
 
 /// Share of the way from the eye to the nearest of these faces at which their picture is drawn: before all that they hide.
 const BEFORE: f32 = 0.5;
-
-/// A pixel that is traced beside the mesh.
-#[derive(Debug, Clone, Copy, PartialEq)]
-pub struct DirectPixel {
-    /// `y · width + x`.
-    pub index: u32,
-    /// Linear radiance.
-    pub radiance: HalfRadiance,
-}
 
 /// The visible faces that are traced directly.
 #[derive(Debug, Clone, Default)]
@@ -123,7 +115,7 @@ impl Direct {
         most: u64,
         mut store: Option<&mut PixelStore>,
         interrupt: &AtomicBool,
-    ) -> Result<(Vec<DirectPixel>, Rays)> {
+    ) -> Result<(Vec<PicturePixel>, Rays)> {
         let Some(ids) = ids.filter(|_| !self.is_empty()) else { return Ok(Default::default()) };
         if let Some(store) = &mut store {
             store.look_at(context.view);
@@ -145,7 +137,7 @@ impl Direct {
             }
         }
         if let Some(store) = store {
-            for &DirectPixel { index, radiance } in &all {
+            for &PicturePixel { index, radiance } in &all {
                 if let Some(base) = ids.face(index % context.view.width, index / context.view.width) {
                     store.insert(index, base, radiance);
                 }
@@ -161,7 +153,7 @@ impl Direct {
         ids: IdImage,
         rows: &[u32],
         known: Option<&PixelStore>,
-    ) -> (Vec<DirectPixel>, Rays) {
+    ) -> (Vec<PicturePixel>, Rays) {
         let Context { tracer, settings, view, .. } = *context;
         let (mut pixels, mut pending) = (Vec::new(), Vec::new());
         let mut points = Points::new(tracer, settings);
@@ -178,7 +170,7 @@ impl Direct {
                         points.add(ray.1, hit);
                     }
                 }
-                pixels.push(DirectPixel { index, radiance: kept.unwrap_or_default() });
+                pixels.push(PicturePixel { index, radiance: kept.unwrap_or_default() });
             }
             for (pixel, radiance) in pending.drain(..).zip(points.radiances()) {
                 pixels[pixel].radiance = radiance.into();

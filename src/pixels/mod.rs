@@ -1,10 +1,12 @@
 //! Pixels that are traced one by one, where samples of vertices do not serve.
 //!
-//! In refined [`leaves`] that are small and still undefined; [`direct`]ly, of faces that the refined mesh need not know;
-//! behind [`veils`], which no order of drawing blends right; and along edges of the finished picture, to [`smooth`] them.
+//! In refined [`leaves`] that are small and still undefined; in a [`picture`] of their own [`direct`]ly, of faces that the
+//! refined mesh need not know, and behind [`veils`], which no order of drawing blends right; and along edges of the finished
+//! picture, to [`smooth`] them.
 
 pub mod direct;
 pub mod leaves;
+pub mod picture;
 pub mod smooth;
 pub mod store;
 pub mod veils;

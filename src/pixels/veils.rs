@@ -6,7 +6,7 @@ use std::sync::atomic::{AtomicBool, Ordering};
 use glam::Vec2;
 use rayon::prelude::*;
 
-use super::direct::DirectPixel;
+use super::picture::PicturePixel;
 use crate::error::{Error, Result};
 use crate::refine::footprint::{Footprint, ROUNDING};
 use crate::scene::{Scene, View};
@@ -82,16 +82,13 @@ impl Veils {
         context: &Context,
         most: u64,
         interrupt: &AtomicBool,
-    ) -> Result<(Vec<DirectPixel>, Rays)> {
-        if self.is_empty() {
-            return Ok(Default::default());
-        }
+    ) -> Result<(Vec<PicturePixel>, Rays)> {
         let Context { tracer, settings, view, .. } = *context;
         let stride = self.pixels.div_ceil(most).max(1) as usize;
         let bands = (0..view.height.div_ceil(TILE)).into_par_iter().step_by(stride).map(|band| {
             let rows = band * TILE..((band + 1) * TILE).min(view.height);
             let mut rays = ViewRays::new(tracer, settings, true);
-            let mut pixels: Vec<DirectPixel> = Vec::new();
+            let mut pixels: Vec<PicturePixel> = Vec::new();
             for left in (0..view.width).step_by(TILE as usize) {
                 if interrupt.load(Ordering::Relaxed) {
                     return Err(Error::Interrupted);
@@ -102,7 +99,7 @@ impl Veils {
                     let index = y * view.width + x;
                     if self.covers(index) {
                         rays.add(view.ray(Vec2::new(x as f32, y as f32) + 0.5));
-                        pixels.push(DirectPixel { index, radiance: Default::default() });
+                        pixels.push(PicturePixel { index, radiance: Default::default() });
                     }
                 }
                 for (pixel, &radiance) in pixels[first..].iter_mut().zip(rays.radiances()) {
@@ -111,7 +108,7 @@ impl Veils {
             }
             Ok((pixels, rays.rays()))
         });
-        let bands: Vec<(Vec<DirectPixel>, Rays)> = bands.collect::<Result<_>>()?;
+        let bands: Vec<(Vec<PicturePixel>, Rays)> = bands.collect::<Result<_>>()?;
         let rays = bands.iter().fold(Rays::default(), |sum, &(_, rays)| sum + rays);
         Ok((bands.into_iter().flat_map(|(pixels, _)| pixels).collect(), rays))
     }

@@ -6,7 +6,6 @@ use rustc_hash::FxHashMap;
 
 use super::table::Texel;
 use crate::pixels::HalfRadiance;
-use crate::pixels::direct::DirectPixel;
 use crate::pixels::leaves::TracedPixel;
 use crate::refine::footprint::{Footprint, TOUCHED};
 use crate::refine::mesh::Mesh;
@@ -131,18 +130,6 @@ impl<'a> Blocks<'a> {
     }
 }
 
-/// One block over the rectangle, columns and rows, that is [`around`] `pixels`. What it does not hold of it is not drawn.
-pub fn picture(view: &View, [columns, rows]: [Range<u32>; 2], pixels: &[DirectPixel]) -> Vec<Texel> {
-    let mut texels = vec![Texel::default(); 1 + (columns.len() * rows.len()).div_ceil(2)];
-    texels[0] = [columns.start, rows.start, columns.len() as u32, rows.len() as u32];
-    for pixel in pixels {
-        let (x, y) = (pixel.index % view.width, pixel.index / view.width);
-        let cell = (y - rows.start) as usize * columns.len() + (x - columns.start) as usize;
-        put(&mut texels[1..], cell, pixel.radiance);
-    }
-    texels
-}
-
 /// The rectangle around pixels: columns, then rows; `None` without any.
 pub fn around(view: &View, pixels: impl Iterator<Item = u32>) -> Option<[Range<u32>; 2]> {
     let (mut low, mut high) = ([u32::MAX; 2], [0; 2]);
@@ -154,7 +141,7 @@ pub fn around(view: &View, pixels: impl Iterator<Item = u32>) -> Option<[Range<u
 }
 
 /// Writes a cell of a block.
-fn put(texels: &mut [Texel], cell: usize, HalfRadiance([low, high]): HalfRadiance) {
+pub fn put(texels: &mut [Texel], cell: usize, HalfRadiance([low, high]): HalfRadiance) {
     let texel = &mut texels[cell / 2];
     (texel[cell % 2 * 2], texel[cell % 2 * 2 + 1]) = (low, high);
 }

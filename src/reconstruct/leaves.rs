@@ -3,17 +3,18 @@
 use std::collections::BTreeMap;
 
 use bytemuck::{Pod, Zeroable};
-use glam::{Vec2, Vec3};
+use glam::Vec3;
 use rayon::prelude::*;
 
 use super::beside::Borders;
-use super::blocks::{self, Blocks};
+use super::blocks::Blocks;
 use super::nodes::{Corner, LeafNodes, Matcher};
+use super::picture::Quad;
 use super::table::{Texel, floats};
 use super::vertex::{Attributes, VertexLayout};
 use crate::constants::*;
-use crate::pixels::direct::DirectPixel;
 use crate::pixels::leaves::TracedPixel;
+use crate::pixels::picture::Picture;
 use crate::refine::mesh::{Face, Mesh, Vertex};
 use crate::refine::samples::Samples;
 use crate::scene::frustum::{Frustum, Overlap};
@@ -126,12 +127,8 @@ pub struct Traced<'a> {
     pub pixels: Vec<TracedPixel>,
     /// These leaves.
     pub faces: &'a [u32],
-    /// Those beside the mesh: of faces left out of it, and of what is blended.
-    pub direct: &'a [DirectPixel],
-    /// Depth before the eye at which their picture is drawn: before all that they hide.
-    pub depth: f32,
-    /// Whether all that is blended is among them.
-    pub veiled: bool,
+    /// Those beside the mesh.
+    pub picture: &'a Picture,
 }
 
 /// Assembles the leaves of `mesh` with vertices of `layout`, in parallel and in an order that depends on the mesh alone,
@@ -144,20 +141,13 @@ pub fn assemble(
     samples: &Samples,
     traced: Traced,
 ) -> Leaves {
-    let Traced { pixels, faces: pixel_faces, direct, depth, veiled } = traced;
-    let picture = blocks::around(view, direct.iter().map(|pixel| pixel.index));
-    let corners = picture.as_ref().map_or([Vec3::ZERO; 4], |[columns, rows]| {
-        let corner = |x: f32, y: f32| view.at_depth(Vec2::new(x, y), depth);
-        // A pixel farther than it reaches, for its corners are rounded; what is not of it is not drawn.
-        let [(left, right), (top, bottom)] =
-            [columns, rows].map(|range| (range.start as f32 - 1.0, range.end as f32 + 1.0));
-        [(left, top), (right, top), (right, bottom), (left, bottom)].map(|(x, y)| corner(x, y))
-    });
-    let room = if picture.is_some() { corners.len() } else { 0 };
+    let Traced { pixels, faces: pixel_faces, picture } = traced;
+    let quad = Quad::new(view, picture);
+    let corners = quad.as_ref().map_or(&[][..], |quad| &quad.corners);
     let count = mesh.vertices.len();
-    let vertices = layout.pack(count + room, |index| {
-        if let Some(&position) = index.checked_sub(count).and_then(|corner| corners.get(corner)) {
-            return Attributes { position, ..Attributes::default() };
+    let vertices = layout.pack(count + corners.len(), |index| {
+        if let Some(corner) = index.checked_sub(count) {
+            return Attributes { position: corners[corner], ..Attributes::default() };
         }
         let Vertex { point, normal, uv, color, tangent, .. } = mesh.vertices[index];
         Attributes { position: mesh.points[point as usize], normal, uv, color, tangent }
@@ -191,15 +181,13 @@ pub fn assemble(
     drop(stage);
     drop(pixels);
 
-    let mut result = Leaves { vertices, veiled, ..Leaves::default() };
+    let mut result = Leaves { vertices, veiled: picture.veiled, ..Leaves::default() };
     let mut groups: BTreeMap<Group, Vec<GpuLeaf>> = BTreeMap::new();
     let mut first = 0;
     // The largest part comes first, so that it is handed over and gone before the device has copies of the others.
-    if let Some(around) = picture {
-        let texels = blocks::picture(view, around, direct);
-        let halves = [[0, 1, 2], [0, 2, 3]].map(|corners| corners.map(|corner| count as u32 + corner));
-        let leaf = |vertices| GpuLeaf { vertices, flags: LEAF_TRACED, ..GpuLeaf::zeroed() };
-        groups.entry(Group::PICTURE).or_default().extend(halves.map(leaf));
+    if let Some(quad) = quad {
+        let texels = quad.texels();
+        groups.entry(Group::PICTURE).or_default().extend(quad.leaves(count as u32));
         first = texels.len() as u32;
         result.nodes.push(texels);
     }

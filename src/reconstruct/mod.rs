@@ -11,6 +11,7 @@ pub mod nodes;
 pub mod paper;
 mod parts;
 pub mod passes;
+mod picture;
 pub mod readback;
 pub mod show;
 pub mod supersample;

@@ -52,31 +52,32 @@ pub fn visible(mesh: &Mesh, view: &View, shown: Shown, face: u32) -> (f32, bool)
     let base = mesh.faces[face as usize].base;
     let pixels = shown.counts[base as usize] as f32;
     if let Some(ids) = shown.ids {
-        let (found, all) = visible_in_image(mesh, view, ids, face);
-        return match found == 0.0 {
+        let is_whole = mesh.root(base) == Some(face);
+        return match visible_at_points(mesh, view, ids, face) {
+            Some((found, all)) if found > 0.0 => (found, all),
             // What is seen of a face of the scene between all points is known.
-            true if mesh.root(base) == Some(face) => (pixels, all),
-            true => (visible_in_rows(mesh, view, ids, face), all),
-            false => (found, all),
+            Some(_) if is_whole => (pixels, false),
+            _ => match visible_in_rows(mesh, view, ids, face) {
+                0.0 if is_whole => (pixels, false),
+                found => (found, false),
+            },
         };
     }
     let whole = mesh.root(base).map_or(0.0, |root| mesh.area(root));
     (if whole > 0.0 { pixels * (mesh.area(face) / whole).min(1.0) } else { pixels }, false)
 }
 
-fn visible_in_image(mesh: &Mesh, view: &View, ids: IdImage, face: u32) -> (f32, bool) {
+/// The same by points that are spread over the face's image; `None` where that reaches far beyond the frame or behind the eye.
+fn visible_at_points(mesh: &Mesh, view: &View, ids: IdImage, face: u32) -> Option<(f32, bool)> {
     let Face { corners, base, .. } = mesh.faces[face as usize];
     let area = mesh.area(face);
     let projected = corners.map(|v| view.project(mesh.position(v)).map(|(pixel, _)| pixel));
     let frame = ids.pixels.len() as f32;
-    let reaches_out = match projected {
-        // The image of what is near the eye's plane is larger than its area as seen from the eye.
-        [Some(a), Some(b), Some(c)] => 0.5 * (b - a).perp_dot(c - a).abs() > frame || area > frame,
-        _ => true,
-    };
-    let ([Some(a), Some(b), Some(c)], false) = (projected, reaches_out) else {
-        return (visible_in_rows(mesh, view, ids, face), false);
-    };
+    let [Some(a), Some(b), Some(c)] = projected else { return None };
+    // The image of what is near the eye's plane is larger than its area as seen from the eye.
+    if 0.5 * (b - a).perp_dot(c - a).abs() > frame || area > frame {
+        return None;
+    }
     // Straight between projected corners: which points are looked at does not matter much.
     let shows = |[u, v, w]: [f32; 3]| {
         within(view, a * u + b * v + c * w).is_some_and(|(x, y)| ids.face(x, y) == Some(base))
@@ -94,7 +95,7 @@ fn visible_in_image(mesh: &Mesh, view: &View, ids: IdImage, face: u32) -> (f32, 
         }
         seen as f32 / all as f32
     };
-    (area * share, share == 1.0)
+    Some((area * share, share == 1.0))
 }
 
 /// The same for a face that few points all over it miss, or that reaches far beyond the frame or behind the eye: it is looked

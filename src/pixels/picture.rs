@@ -1,0 +1,87 @@
+//! Pixels that are traced beside the refined mesh, and drawn before it as one picture.
+
+use std::sync::atomic::AtomicBool;
+
+use super::HalfRadiance;
+use super::direct::Direct;
+use super::store::PixelStore;
+use super::veils::Veils;
+use crate::error::Result;
+use crate::scene::{Scene, View};
+use crate::trace::Rays;
+use crate::trace::sample::Context;
+use crate::visibility::{Found, IdImage};
+
+/// A pixel of the picture.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct PicturePixel {
+    /// `y · width + x`.
+    pub index: u32,
+    /// Linear radiance.
+    pub radiance: HalfRadiance,
+}
+
+/// What is traced beside the mesh.
+#[derive(Debug, Default)]
+pub struct Subject {
+    /// Faces that the mesh need not know.
+    pub direct: Direct,
+    /// What is blended.
+    pub veils: Veils,
+}
+
+/// Its pixels.
+#[derive(Debug, Default)]
+pub struct Picture {
+    /// Each of them once.
+    pub pixels: Vec<PicturePixel>,
+    /// Depth before the eye, along the view's axis, at which they are drawn: before all that they hide.
+    pub depth: f32,
+    /// Whether all that is blended is among them.
+    pub veiled: bool,
+    /// How many show faces of the refined kind, and count as samples.
+    pub direct: u64,
+    /// Rays that they took.
+    pub rays: Rays,
+}
+
+impl Subject {
+    /// That of `view`, in which `found` is visible; what is blended only where it `is_veiled`.
+    pub fn find(scene: &Scene, view: &View, found: &Found, is_veiled: bool) -> Self {
+        let veils = if is_veiled { Veils::find(scene, view) } else { Veils::default() };
+        // A blended face that is drawn must not be hidden by the picture.
+        let blends = veils.is_empty() && scene.objects.iter().any(|object| scene.is_veil(object));
+        let direct = if blends { Direct::none() } else { Direct::find(scene, view, found) };
+        Self { direct, veils }
+    }
+
+    /// Traces it: of each kind about as many pixels as `most`, if there are more. Pixels of faces that `store` knows are not
+    /// traced, and it learns the others.
+    ///
+    /// # Errors
+    /// [`Error::Interrupted`](crate::error::Error::Interrupted) once `interrupt` is set.
+    pub fn trace(
+        &self,
+        context: &Context,
+        ids: Option<IdImage>,
+        most: u64,
+        store: Option<&mut PixelStore>,
+        interrupt: &AtomicBool,
+    ) -> Result<Picture> {
+        let (mut pixels, rays) = self.direct.trace(context, ids, most, store, interrupt)?;
+        let direct = pixels.len() as u64;
+        if self.veils.is_empty() {
+            return Ok(Picture { pixels, depth: self.direct.depth, veiled: false, direct, rays });
+        }
+        let (veiled, veil_rays) = self.veils.trace(context, most, interrupt)?;
+        pixels.retain(|pixel| !self.veils.covers(pixel.index));
+        pixels.extend(veiled);
+        Ok(Picture {
+            pixels,
+            depth: Veils::depth(context.view),
+            veiled: true,
+            direct,
+            rays: rays + veil_rays,
+        })
+    }
+}
