@@ -1,6 +1,7 @@
 //! What a frame needs, decided once from scene and options, and what it leaves out.
 
 mod cost;
+mod features;
 mod needs;
 mod recursion;
 mod summary;
@@ -14,7 +15,7 @@ use crate::reconstruct::bank::Wanted;
 use crate::reconstruct::passes::{ColorPass, color_passes};
 use crate::reconstruct::vertex::VertexLayout;
 use crate::report::stats::LeftOut;
-use crate::scene::{Background, LightKind, Scene, Unread, patch::Targets, topology::Topology};
+use crate::scene::{Scene, Unread, patch::Targets, topology::Topology};
 use needs::{Needs, Used};
 
 /// The stages, passes, textures and shader features of a frame.
@@ -117,144 +118,9 @@ impl Plan {
             );
         }
 
-        // Specular passes; without specular objects said above already.
-        let mut absent = 0;
-        if specular {
-            for (needed, bits, what, why) in [
-                (
-                    used.reflects,
-                    REFLECTION,
-                    "reflected texture and its passes",
-                    "no specular object reflects",
-                ),
-                (
-                    used.transmits,
-                    TRANSMISSION,
-                    "transmitted texture and its passes, refraction",
-                    "no specular object transmits",
-                ),
-            ] {
-                if !needs.part(needed, what, why) {
-                    absent |= bits;
-                }
-            }
-        } else {
-            absent = REFLECTION | TRANSMISSION;
-        }
-        let passes = color_passes(options.method.mode, options.method.equation)
-            .iter()
-            .map(|pass| ColorPass { components: pass.components & !absent, ..*pass })
-            .filter(|pass| pass.components != 0)
-            .collect();
-
-        // Shader features.
-        let mut features = 0;
-        let mut feature = |needed: bool, bit: u32, what: &str, why: &str| {
-            if needs.part(needed, what, why) {
-                features |= bit;
-            }
-        };
-        for (slot, what) in needs::SLOTS.iter().enumerate() {
-            feature(used.slots >> slot & 1 == 1, 1 << slot, what, "no material in use has one that shows");
-        }
-        feature(
-            used.shaded,
-            FEATURE_NORMALS,
-            "vertex normals",
-            "all objects are unlit, and none is specular",
-        );
-        for (set, bit, what) in [
-            (0, FEATURE_FIRST_UV, "first texture coordinates"),
-            (1, FEATURE_SECOND_UV, "second texture coordinates"),
-        ] {
-            feature(
-                used.uv_sets >> set & 1 == 1,
-                bit,
-                what,
-                "no texture that shows takes its place from them",
-            );
-        }
-        feature(used.emission, FEATURE_EMISSION, "emission", "no material in use emits");
-        feature(
-            lit && used.glossy,
-            FEATURE_HIGHLIGHTS,
-            "highlights",
-            "no material in use shows a highlight of a light",
-        );
-        feature(
-            !scene.geometry.colors.is_empty(),
-            FEATURE_VERTEX_COLORS,
-            "vertex colours",
-            "no mesh has any",
-        );
-        feature(used.masked, FEATURE_ALPHA_TEST, "alpha test", "no material in use has alpha mode MASK");
-        feature(
-            used.blended,
-            FEATURE_BLENDING,
-            "blending and sorting",
-            "no material in use has alpha mode BLEND",
-        );
-        let has = |is: fn(&LightKind) -> bool| scene.lights.iter().any(|light| is(&light.kind));
-        for (needed, bit, what, why) in [
-            (
-                has(|kind| matches!(kind, LightKind::Directional { .. })),
-                FEATURE_DIRECTIONAL_LIGHTS,
-                "directional lights",
-                "the scene has none",
-            ),
-            (
-                has(|kind| matches!(kind, LightKind::Spot { .. })),
-                FEATURE_SPOT_LIGHTS,
-                "spot lights",
-                "the scene has none",
-            ),
-            (
-                has(|kind| match kind {
-                    LightKind::Point { range, .. } | LightKind::Spot { range, .. } => range.is_finite(),
-                    LightKind::Directional { .. } => false,
-                }),
-                FEATURE_LIGHT_RANGES,
-                "ranges of lights",
-                "no light ends anywhere",
-            ),
-        ] {
-            feature(needed, bit, what, why);
-        }
-        if specular {
-            feature(
-                used.transmits,
-                FEATURE_TRANSMISSION,
-                "refraction in shaders",
-                "no specular object transmits",
-            );
-            feature(
-                targets.targets.iter().any(|target| target.patch.is_some()),
-                FEATURE_PATCHES,
-                "candidate patches",
-                "nothing that can be reflected is planar",
-            );
-        }
-        feature(
-            matches!(scene.background, Background::Environment(_)),
-            FEATURE_PANORAMA,
-            "panorama",
-            "no --environment surrounds the scene",
-        );
-
-        // Textures and image quality.
-        let textures = Wanted {
-            textures: used.textures.iter().map(|&used| used || options.everything).collect(),
-            all_mips: options.everything,
-        };
-        let unused = used.textures.iter().filter(|used| !**used).count();
-        if !used.textures.is_empty() {
-            let all = unused == 0 || options.everything;
-            let unused = format!("{unused} of {} textures", used.textures.len());
-            needs.part(all, if all { "all textures" } else { &unused }, "no material in use shows them");
-            let mipped = textures.of(scene).any(|(_, texture)| texture.sampler.mip.is_some());
-            let forced = options.method.filter != FilterMode::File;
-            needs.part(mipped || forced, "mip levels", "no sampler asks for them");
-        }
+        let passes = wanted_passes(options, &used, specular, &mut needs);
+        let features = features::wanted(scene, &used, &targets, specular, &mut needs);
+        let textures = wanted_textures(scene, options, &used, &mut needs);
         needs.option(options.method.msaa == Msaa::One, "multisampling", "--msaa 1");
         needs.option(options.method.ss == Ss::One, "supersampling", "--ss 1");
         needs.option(!smooths, "edges traced again", "--pixel-samples 1");
@@ -304,3 +170,48 @@ impl Plan {
 
 const REFLECTION: u32 = COMPONENT_REFLECTED | COMPONENT_REFLECTED_COMB;
 const TRANSMISSION: u32 = COMPONENT_TRANSMITTED | COMPONENT_TRANSMITTED_COMB;
+
+/// The colour passes, without components that no object has; without specular objects the needs say so already.
+fn wanted_passes(options: &Options, used: &Used, specular: bool, needs: &mut Needs) -> Vec<ColorPass> {
+    let mut absent = 0;
+    if specular {
+        for (needed, bits, what, why) in [
+            (used.reflects, REFLECTION, "reflected texture and its passes", "no specular object reflects"),
+            (
+                used.transmits,
+                TRANSMISSION,
+                "transmitted texture and its passes, refraction",
+                "no specular object transmits",
+            ),
+        ] {
+            if !needs.part(needed, what, why) {
+                absent |= bits;
+            }
+        }
+    } else {
+        absent = REFLECTION | TRANSMISSION;
+    }
+    color_passes(options.method.mode, options.method.equation)
+        .iter()
+        .map(|pass| ColorPass { components: pass.components & !absent, ..*pass })
+        .filter(|pass| pass.components != 0)
+        .collect()
+}
+
+/// The textures that are uploaded.
+fn wanted_textures(scene: &Scene, options: &Options, used: &Used, needs: &mut Needs) -> Wanted {
+    let textures = Wanted {
+        textures: used.textures.iter().map(|&used| used || options.everything).collect(),
+        all_mips: options.everything,
+    };
+    let unused = used.textures.iter().filter(|used| !**used).count();
+    if !used.textures.is_empty() {
+        let all = unused == 0 || options.everything;
+        let unused = format!("{unused} of {} textures", used.textures.len());
+        needs.part(all, if all { "all textures" } else { &unused }, "no material in use shows them");
+        let mipped = textures.of(scene).any(|(_, texture)| texture.sampler.mip.is_some());
+        let forced = options.method.filter != FilterMode::File;
+        needs.part(mipped || forced, "mip levels", "no sampler asks for them");
+    }
+    textures
+}

@@ -205,22 +205,8 @@ impl Painter {
     ) -> Result<Vec<Drawing>> {
         self.make_target(block)?;
         let draws = leaves.map_or(Vec::new(), leaf_draws);
+        let base_keys = self.prepare(&draws, passes)?;
         let mut drawings = Vec::new();
-        for draw in &draws {
-            for (index, &pass) in
-                passes.iter().enumerate().filter(|&(index, _)| drawn(index, draw.group.kind))
-            {
-                self.pipeline(leaf_key(&self.options, pass, index, draw.group))?;
-            }
-            self.array_set(bound_arrays(draw.group.arrays))?;
-        }
-        for index in 0..self.base_draws.len() {
-            self.array_set([self.base_draws[index].array, 0, 0])?;
-        }
-        let base_keys: Vec<PipelineKey> = self.base_draws.iter().map(|draw| self.base_key(draw)).collect();
-        for &key in &base_keys {
-            self.pipeline(key)?;
-        }
         let blended = match leaves {
             Some(leaves) if leaves.veiled() => Vec::new(),
             _ => self.blended_draws(block.eye),
@@ -323,6 +309,25 @@ impl Painter {
             }
         }
         Ok(drawings)
+    }
+
+    /// Makes the pipelines and the sets of textures that these draws of leaves and those of the base image need; the keys of the
+    /// latter.
+    fn prepare(&mut self, draws: &[LeafDraw], passes: &[ColorPass]) -> Result<Vec<PipelineKey>> {
+        for LeafDraw { group, .. } in draws {
+            for (index, &pass) in passes.iter().enumerate().filter(|&(index, _)| drawn(index, group.kind)) {
+                self.pipeline(leaf_key(&self.options, pass, index, *group))?;
+            }
+            self.array_set(bound_arrays(group.arrays))?;
+        }
+        for index in 0..self.base_draws.len() {
+            self.array_set([self.base_draws[index].array, 0, 0])?;
+        }
+        let base_keys: Vec<PipelineKey> = self.base_draws.iter().map(|draw| self.base_key(draw)).collect();
+        for &key in &base_keys {
+            self.pipeline(key)?;
+        }
+        Ok(base_keys)
     }
 
     /// Blended draws, those farthest from `eye` first.
