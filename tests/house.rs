@@ -15,7 +15,7 @@ const ALLOWED: [(&str, &[&str]); 13] = [
     ("trace", &["scene", "options"]),
     ("refine", &["scene", "options", "visibility", "trace"]),
     // The image type and the stats' entries are what is handed on.
-    ("pixels", &["scene", "visibility", "trace", "refine", "report"]),
+    ("pixels", &["scene", "options", "visibility", "trace", "refine", "report"]),
     ("reconstruct", &["scene", "options", "gpu", "visibility", "trace", "refine", "pixels", "report"]),
     ("report", &["scene", "options", "gpu", "visibility", "trace", "frame"]),
     ("plan", &["scene", "options", "visibility", "reconstruct", "report"]),

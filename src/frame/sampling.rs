@@ -92,8 +92,10 @@ impl Job<'_> {
         let shaft_guard = options.effort.shaft_guard && exact;
         let predictor = Predictor { targets, structures, scene, view, reconstruction, shaft_guard };
         let shown = Shown::from(visible);
-        let subject =
-            if exact { Subject::find(scene, view, visible, self.traces_veils) } else { Subject::default() };
+        let subject = match exact {
+            true => Subject::find(scene, view, visible, options, self.traces_veils),
+            false => Subject::default(),
+        };
         let mesh = self.mesh(traced, visible, &subject.direct);
         let (vertices, mut pixels) = store.map(|Samples { vertices, pixels, .. }| (vertices, pixels)).unzip();
         let mut refiner = Refiner::new(&context, &predictor, mesh, shown, vertices);

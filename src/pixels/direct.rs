@@ -1,5 +1,5 @@
-//! Specular faces so many and so small that the refined mesh need not know them: their pixels are traced from the image
-//! of the faces alone, and drawn as one picture.
+//! Faces so many and so small that the refined mesh need not know them: their pixels are traced from the image of the faces
+//! alone, and drawn as one picture.
 
 use std::borrow::Cow;
 use std::sync::atomic::{AtomicBool, Ordering};
@@ -11,14 +11,20 @@ use super::picture::PicturePixel;
 use super::point_on;
 use super::store::PixelStore;
 use crate::error::{Error, Result};
+use crate::options::{Msaa, Options, Ss};
 use crate::scene::{Scene, View};
 use crate::trace::Rays;
 use crate::trace::sample::Context;
 use crate::trace::wave::Points;
 use crate::visibility::{Class, Found, IdImage};
 
-/// Number of such faces from which leaving them out of the mesh is worth a picture of the frame's size.
-const MANY: usize = 16_384;
+/// Number of such faces from which leaving them out of the mesh is worth a picture of the frame's size: one for so many of
+/// its pixels, and how many at least.
+const PIXELS_A_FACE: usize = 1024;
+const MANY: usize = 512;
+
+/// The same where samples are limited, against which all their pixels count.
+const SPARING: usize = 16_384;
 
 /// Visible pixels below which a face is one of them: about as long as its pixels take to be traced, its share of the mesh
 /// takes to be refined and drawn.
@@ -52,16 +58,24 @@ impl Direct {
         Self::default()
     }
 
-    /// Those of `found`, if they are many: specular faces of fewer than eight pixels. It must be known which
-    /// pixels show them.
-    pub fn find(scene: &Scene, view: &View, found: &Found) -> Self {
+    /// Those of `found`, if they are many: faces of fewer than eight pixels, specular ones alone where a pixel has several
+    /// samples that are drawn. It must be known which pixels show them.
+    pub fn find(scene: &Scene, view: &View, found: &Found, options: &Options) -> Self {
+        let Options { method, effort, .. } = options;
+        let many = match effort.max_samples {
+            Some(_) => SPARING,
+            None => (view.pixels() / PIXELS_A_FACE).max(MANY),
+        };
+        let all = method.msaa == Msaa::One && method.ss == Ss::One;
         let counts = &found.faces.pixels_per_face;
-        let is_small = |&&face: &&u32| (1..FEW_PIXELS).contains(&counts[face as usize]) && scene.is_vt(face);
-        if found.ids.is_none() || found.visible.len() < MANY {
+        let is_small = |&&face: &&u32| {
+            (1..FEW_PIXELS).contains(&counts[face as usize]) && (all || scene.is_vt(face))
+        };
+        if found.ids.is_none() || found.visible.len() < many {
             return Self::none();
         }
         let faces: Vec<u32> = found.visible.par_iter().filter(is_small).copied().collect();
-        if faces.len() < MANY {
+        if faces.len() < many {
             return Self::none();
         }
         let mut objects: Vec<u32> =

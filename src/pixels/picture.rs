@@ -7,6 +7,7 @@ use super::direct::Direct;
 use super::store::PixelStore;
 use super::veils::Veils;
 use crate::error::Result;
+use crate::options::Options;
 use crate::scene::{Scene, View};
 use crate::trace::Rays;
 use crate::trace::sample::Context;
@@ -47,11 +48,11 @@ pub struct Picture {
 
 impl Subject {
     /// That of `view`, in which `found` is visible; what is blended only where it `is_veiled`.
-    pub fn find(scene: &Scene, view: &View, found: &Found, is_veiled: bool) -> Self {
+    pub fn find(scene: &Scene, view: &View, found: &Found, options: &Options, is_veiled: bool) -> Self {
         let veils = if is_veiled { Veils::find(scene, view) } else { Veils::default() };
         // A blended face that is drawn must not be hidden by the picture.
         let blends = veils.is_empty() && scene.objects.iter().any(|object| scene.is_veil(object));
-        let direct = if blends { Direct::none() } else { Direct::find(scene, view, found) };
+        let direct = if blends { Direct::none() } else { Direct::find(scene, view, found, options) };
         Self { direct, veils }
     }
 
