@@ -319,6 +319,7 @@ impl<'s> Renderer<'s> {
             table,
             base_textures,
             room: self.options.method.nodes as usize,
+            shadows: self.settings.shadows,
         };
         let job = Job {
             topology: &plan.topology,

@@ -8,7 +8,8 @@ use vertex_tracing::{
     options::Options,
     report::metrics::{Encoding, compare},
     scene::{
-        AlphaMode, Camera, Filter, Image, Light, LightKind, Material, Sampler, Scene, TextureSlot,
+        AlphaMode, Background, Camera, Filter, Image, Light, LightKind, Material, Sampler, Scene,
+        TextureSlot,
         demo::{Demo, MaterialId, SceneBuilder, chrome, glass, matte, shape, texture},
     },
 };
@@ -119,6 +120,61 @@ fn displays_glow_through_glass() {
 }
 
 /// Where shadows' borders run on what a mirror shows, in strips thinner than its leaves, and along the foot of a wall.
+/// Where a mirror's corners see nothing but the night, what stands before it is looked for all the same.
+#[test]
+fn lit_things_before_the_dark_are_seen_in_mirrors() {
+    let gpu = TestGpu::open();
+    let mut builder = SceneBuilder::new("boxes at night");
+    mirror(&mut builder);
+    let paint = builder.material(matte("paint").colored(vec3(0.8, 0.5, 0.2)));
+    let lamp = builder.material(Material { emissive: vec3(0.2, 0.9, 0.8), ..matte("lamp") });
+    for i in 0..8 {
+        let (x, y) = (0.55 * i as f32 - 2.1, 0.7 + 0.5 * (i * 5 % 4) as f32);
+        let at = vec3(x, y, 3.5);
+        builder.mesh("box", shape::cuboid(at, at + Vec3::splat(0.2), 1.0), paint);
+        builder.mesh("lamp", shape::plane(at + Vec3::Y * 0.4, Vec3::X * -0.1, Vec3::Y * 0.1, 1.0), lamp);
+    }
+    builder.background(Background::Color(Vec3::ZERO));
+    builder.point_light(vec3(0.0, 2.5, 2.5), Vec3::splat(8.0));
+    builder.camera(Camera::look_at(vec3(0.0, 1.3, 2.7), vec3(0.0, 1.2, -1.0), 0.9));
+    let count = wrong(&gpu, &builder.build().unwrap(), &options(320, 256));
+    assert!(count < 20, "{count} pixels are wrong");
+    gpu.finish();
+}
+
+/// A facade with lit windows ends before the night within faces of a pane: where one corner looks past it, no fragment looks
+/// the windows up.
+#[test]
+fn lit_windows_are_seen_up_to_the_end_of_the_facade() {
+    let gpu = TestGpu::open();
+    let mut builder = SceneBuilder::new("facades at night");
+    let pane = Material { double_sided: true, ..glass("pane", 1.5) };
+    let pane = builder.material(Material { volume: None, ..pane });
+    builder.mesh("pane", shape::plane(vec3(-2.9, 0.05, 1.2), Vec3::X * 5.8, Vec3::Y * 2.8, 1.0), pane);
+    let lights =
+        |x: u32, y: u32| if x % 2 == 1 && y % 2 == 1 { [255, 220, 120, 255] } else { [0, 0, 0, 255] };
+    let slot = squares(&mut builder, 16, true, lights);
+    let windows = Material {
+        emissive: Vec3::ONE,
+        emissive_texture: Some(slot),
+        ..matte("windows").colored(Vec3::splat(0.01))
+    };
+    let windows = builder.material(windows);
+    for i in 0..5 {
+        let low = vec3(0.9 * i as f32 - 2.2, 0.2, -2.0);
+        builder.mesh(
+            "facade",
+            shape::plane(low, Vec3::X * 0.5, Vec3::Y * (1.2 + 0.3 * (i % 3) as f32), 0.5),
+            windows,
+        );
+    }
+    builder.background(Background::Color(Vec3::ZERO));
+    builder.camera(Camera::look_at(vec3(0.0, 1.3, 2.7), vec3(0.0, 1.2, -1.0), 0.9));
+    let count = wrong(&gpu, &builder.build().unwrap(), &options(320, 256));
+    assert!(count < 20, "{count} pixels are wrong");
+    gpu.finish();
+}
+
 #[test]
 fn borders_of_shadows_are_followed_in_mirrors() {
     let gpu = TestGpu::open();

@@ -14,7 +14,7 @@ use vertex_tracing::{
     },
 };
 
-use common::{TestGpu, image, options, over_vt, traced};
+use common::{TestGpu, image, options, over_vt, psnr, traced};
 
 #[test]
 fn dense_meshes_cost_no_more_than_conventional_tracing() {
@@ -69,6 +69,29 @@ fn many_faces_of_few_pixels_stay_out_of_the_mesh() {
             assert!(second.stats.rays.pixel < stats.rays.pixel / 10, "pixels are kept");
         }
     }
+    gpu.finish();
+}
+
+/// Nor are diffuse faces of few pixels in it, or those around them that own none, unless a pixel has several samples.
+#[test]
+fn diffuse_faces_of_few_pixels_stay_out_of_it_too() {
+    let gpu = TestGpu::open();
+    let mut builder = SceneBuilder::new("dense ball");
+    let white = builder.material(matte("white"));
+    builder.mesh("ball", shape::sphere(vec3(0.0, 1.0, 0.0), 1.0, 7), white);
+    builder.mesh("floor", shape::plane(vec3(-3.0, 0.0, 3.0), Vec3::X * 6.0, Vec3::NEG_Z * 6.0, 1.0), white);
+    builder.point_light(vec3(2.0, 4.0, 3.0), Vec3::splat(60.0));
+    builder.camera(Camera::look_at(vec3(0.0, 2.0, 5.0), vec3(0.0, 0.8, 0.0), 0.8));
+    let scene = builder.build().unwrap();
+    let mut options = options(160, 128);
+    let frame = gpu.render(&scene, &options);
+    let psnr = psnr(&image(&options, &traced(&scene, &options, 1, None)), &frame.image);
+    println!("{} leaves, {psnr:.1} dB", frame.stats.faces.leaves);
+    assert!(frame.stats.faces.leaves < 2000, "{} leaves", frame.stats.faces.leaves);
+    assert!(psnr > 50.0, "{psnr:.1} dB");
+    // A traced pixel has one colour.
+    options.method.msaa = Msaa::Four;
+    assert!(gpu.render(&scene, &options).stats.faces.leaves > 20_000);
     gpu.finish();
 }
 

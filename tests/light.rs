@@ -14,7 +14,7 @@ use vertex_tracing::{
 };
 
 use common::floor::glowing_floor;
-use common::{TestGpu, image, options, over_vt, traced};
+use common::{TestGpu, image, options, over_vt, psnr, traced};
 
 /// A pane hides what is behind it in part, be that a mesh whose pixels are all traced.
 #[test]
@@ -241,5 +241,54 @@ fn normal_maps_bend_reflections() {
     // Flat, the same mirror needs none of it.
     scene.geometry.tangents.clear();
     assert!(gpu.render(&scene, &options).stats.rays.pixel < frame.stats.rays.pixel / 2);
+    gpu.finish();
+}
+
+/// A face whose plane has a light behind it hides it from itself, though normals of its vertices point to that light.
+#[test]
+fn faces_hide_what_is_behind_them_from_themselves() {
+    let gpu = TestGpu::open();
+    let mut builder = SceneBuilder::new("coarse balls in slanting light");
+    let white = builder.material(matte("white"));
+    for (i, level) in [1, 2, 2].into_iter().enumerate() {
+        builder.mesh("ball", shape::sphere(vec3(2.2 * i as f32 - 2.2, 0.0, 0.0), 1.0, level), white);
+    }
+    let kind = LightKind::Directional { direction: vec3(-0.8, -0.3, -0.1).normalize() };
+    builder.light(Light { name: "sun".into(), kind, intensity: Vec3::splat(3.0) });
+    builder.camera(Camera::look_at(vec3(0.0, 0.5, 6.0), Vec3::ZERO, 0.8));
+    let scene = builder.build().unwrap();
+    let options = options(320, 256);
+    let frame = gpu.render(&scene, &options);
+    let psnr = psnr(&image(&options, &traced(&scene, &options, 1, None)), &frame.image);
+    assert!(psnr > 45.0, "{psnr:.1} dB");
+    gpu.finish();
+}
+
+/// Nor does a normal map that bends a surface towards a light bring that light round it.
+#[test]
+fn normal_maps_let_no_light_through() {
+    const SIZE: u32 = 8;
+    let gpu = TestGpu::open();
+    let mut builder = SceneBuilder::new("studded box");
+    let stud = |i: u32| {
+        let slope = if i.is_multiple_of(2) { 0.8 } else { -0.8 };
+        let n = vec3(slope, slope, 1.0).normalize() * 0.5 + 0.5;
+        [(n.x * 255.0) as u8, (n.y * 255.0) as u8, (n.z * 255.0) as u8, 255]
+    };
+    let rgba: Vec<u8> = (0..SIZE * SIZE).flat_map(stud).collect();
+    let studs = Image { name: "studs".into(), width: SIZE, height: SIZE, rgba: rgba.into() };
+    let sampler = Sampler { mip: None, ..Sampler::default() };
+    let slot = builder.sampled_texture(studs, sampler, false);
+    let studded = builder.material(Material { normal_texture: Some(slot), ..matte("studded") });
+    builder.mesh("box", shape::cuboid(Vec3::splat(-1.0), Vec3::ONE, 1.0), studded);
+    let kind = LightKind::Directional { direction: vec3(0.95, -0.25, 0.2).normalize() };
+    builder.light(Light { name: "sun".into(), kind, intensity: Vec3::splat(3.0) });
+    builder.camera(Camera::look_at(vec3(3.0, 2.5, 3.5), Vec3::ZERO, 0.8));
+    let mut scene = builder.build().unwrap();
+    scene.geometry.tangents = vec![Vec4::X + Vec4::W; scene.geometry.positions.len()];
+    let options = options(320, 256);
+    let frame = gpu.render(&scene, &options);
+    let psnr = psnr(&image(&options, &traced(&scene, &options, 1, None)), &frame.image);
+    assert!(psnr > 45.0, "{psnr:.1} dB");
     gpu.finish();
 }

@@ -43,17 +43,18 @@ fn corners_match_in_any_order() {
         let table = SceneTable::new(&scene, &plan.targets, &bank, false);
         let textures: Vec<u32> =
             scene.materials.iter().map(|material| bank.reference(material.base_color_texture)).collect();
+        let settings = Settings::default();
         let matcher = Matcher {
             scene: &scene,
             targets: &plan.targets,
             table: &table,
             base_textures: &textures,
             room: 8,
+            shadows: settings.shadows,
         };
 
         let tracer = Tracer::new(&scene);
         let view = View::new(&scene.cameras[0], 160, 128, scene.bounds());
-        let settings = Settings::default();
         let context = Context { tracer: &tracer, targets: &plan.targets, settings: &settings, view: &view };
         let specular: Vec<u32> =
             (0..scene.geometry.faces.len() as u32).filter(|&face| scene.is_vt(face)).collect();

@@ -68,9 +68,8 @@ impl Direct {
         };
         let all = method.msaa == Msaa::One && method.ss == Ss::One;
         let counts = &found.faces.pixels_per_face;
-        let is_small = |&&face: &&u32| {
-            (1..FEW_PIXELS).contains(&counts[face as usize]) && (all || scene.is_vt(face))
-        };
+        let is_small =
+            |&&face: &&u32| (1..FEW_PIXELS).contains(&counts[face as usize]) && (all || scene.is_vt(face));
         if found.ids.is_none() || found.visible.len() < many {
             return Self::none();
         }

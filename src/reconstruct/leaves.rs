@@ -19,6 +19,7 @@ use crate::refine::mesh::{Face, Mesh, Vertex};
 use crate::refine::samples::Samples;
 use crate::scene::frustum::{Frustum, Overlap};
 use crate::scene::{AlphaMode, View};
+use crate::trace::shade;
 
 /// A leaf: glsl/leaf.glsl `Leaf`.
 #[repr(C)]
@@ -238,10 +239,12 @@ impl Stage<'_> {
         let scene = matcher.scene;
         let Face { corners, base, .. } = mesh.faces[face as usize];
         let object = &scene.objects[scene.geometry.face_objects[base as usize] as usize];
+        let hidden = shade::lights_behind(scene, matcher.shadows, view, base);
         let mut leaf = GpuLeaf {
             vertices: corners,
             material: matcher.table.material(object.material),
-            lit: (0..3).fold(0, |lit, i| lit | (samples.get(corners[i]).primary.lit & 0xff) << (8 * i)),
+            lit: (0..3)
+                .fold(0, |lit, i| lit | (samples.get(corners[i]).primary.lit & !hidden & 0xff) << (8 * i)),
             nodes: piece.texels.len() as u32,
             first_target: NO_TARGET,
             ..GpuLeaf::zeroed()

@@ -10,6 +10,7 @@ use crate::refine::samples::Sample;
 use crate::refine::shape::Shape;
 use crate::scene::patch::{Patch, TargetId, Targets};
 use crate::scene::{Background, Scene};
+use crate::trace::Shadows;
 use crate::trace::sample::{Node, slot};
 
 /// What the corners of a leaf share, and what they do not.
@@ -130,6 +131,8 @@ pub struct Matcher<'a> {
     pub base_textures: &'a [u32],
     /// Most paths that a leaf keeps apart.
     pub room: usize,
+    /// Which surfaces lights may be hidden from.
+    pub shadows: Shadows,
 }
 
 impl Matcher<'_> {

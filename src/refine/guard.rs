@@ -3,7 +3,9 @@
 
 use glam::Vec3;
 
+use super::predict::mean_square;
 use crate::trace::sample::{Context, Node};
+use crate::trace::{Appearance, Surface, shade};
 
 /// Share of a segment's length that is left out at its far end, where it touches its target.
 const END: f32 = 1e-3;
@@ -82,22 +84,49 @@ impl Shaft {
     }
 }
 
-/// Whether a face of another object than `own` and of another target than those that `nodes` meet reaches in between
-/// their last segments.
-pub fn is_entered(context: &Context, own: u32, nodes: [&Node; 3]) -> bool {
+/// Squared contribution of what may be seen in place of what `nodes` meet, of the squared contribution `seen`, for a face of
+/// another object than `own` and of another target reaches in between their last segments; `None` if none does, or none of
+/// those that do and of what they hide amounts to `least`. Specular faces may show what is as bright as `brightest`.
+pub fn entered(
+    context: &Context,
+    own: u32,
+    nodes: [&Node; 3],
+    [seen, least]: [f32; 2],
+    brightest: Vec3,
+) -> Option<f32> {
     let scene = context.tracer.scene();
     let far = context.tracer.diagonal();
     let starts = nodes.map(|node| node.origin);
     let ends = nodes.map(|node| node.origin + node.direction * (node.length.min(far) * (1.0 - END)));
     let shaft = Shaft::new(starts, ends);
+    let throughput = nodes[0].throughput;
+    let mut most = None;
     context.tracer.any_face(
         |low, high| shaft.meets_box(low, high),
         |face| {
-            scene.geometry.face_objects[face as usize] != own
+            let enters = scene.geometry.face_objects[face as usize] != own
                 && nodes.iter().all(|node| node.target != context.targets.of(face))
-                && shaft.meets_triangle(scene.geometry.corners(face))
+                && shaft.meets_triangle(scene.geometry.corners(face));
+            if enters {
+                let shows = radiance(context, face, nodes[0].direction, brightest);
+                most = Some(seen.max(mean_square(throughput * shows))).filter(|&most| most >= least);
+            }
+            most.is_some()
         },
-    )
+    );
+    most
+}
+
+/// Radiance that `face` may send back along `direction`: unshadowed, and without its base colour's texture.
+fn radiance(context: &Context, face: u32, direction: Vec3, brightest: Vec3) -> Vec3 {
+    let scene = context.tracer.scene();
+    let surface = Surface::new(context.tracer, face, 1.0 / 3.0, 1.0 / 3.0, direction);
+    let appearance = Appearance::new(scene, &surface);
+    let emissive = scene.materials[surface.material as usize].emissive;
+    let appearance = Appearance { emission: emissive, ..appearance };
+    let local = shade::local(scene, &surface, &appearance, direction, shade::ALL_LIT);
+    let specular = if surface.vt { appearance.metallic.max(appearance.transmission) } else { 0.0 };
+    local.textured + local.added + brightest * specular
 }
 
 #[cfg(test)]

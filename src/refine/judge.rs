@@ -134,8 +134,10 @@ impl Refiner<'_> {
                 let shown = size * self.stretch(face);
                 let mut rays = Rays::default();
                 let (guarded, clear) = self.guarded(face, corners, clear, &mut rays);
+                let hidden = self.lights_behind(face);
+                let own = self.predictor.face(corners, size, hidden, || self.shadowed(face));
                 let state = State {
-                    deviation: self.predictor.face(corners, size, || self.shadowed(face)).plus(deviation),
+                    deviation: own.plus(deviation),
                     guarded,
                     clear,
                     pixels,
@@ -249,15 +251,26 @@ impl Refiner<'_> {
             let [a, b, c] = nodes.map(|node| node.target);
             let shaft = (a == b && b == c).then_some((nodes[0].path, a));
             let within = shaft.is_some() && known.contains(&shaft);
-            if !within && guard::is_entered(self.context, own, nodes)
-                || shaft.is_none() && self.is_lit_otherwise(face, nodes, rays)
-            {
-                square += self.predictor.square(nodes[0]);
+            let seen = self.predictor.square(nodes[0]);
+            let entered = match within {
+                true => None,
+                false => guard::entered(self.context, own, nodes, [seen, NEGLIGIBLE], self.brightest),
+            };
+            if let Some(most) = entered {
+                square += most;
+            } else if shaft.is_none() && self.is_lit_otherwise(face, nodes, rays) {
+                square += seen;
             } else if let Some(room) = clear.iter_mut().find(|room| room.is_none()) {
                 *room = shaft;
             }
         }
         (square, clear)
+    }
+
+    /// Lights that the face hides itself.
+    fn lights_behind(&self, face: u32) -> u32 {
+        let Context { tracer, settings, view, .. } = *self.context;
+        shade::lights_behind(tracer.scene(), settings.shadows, view, self.mesh.faces[face as usize].base)
     }
 
     /// Largest square of the light that a shadow takes from a corner of the face.

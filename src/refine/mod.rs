@@ -22,6 +22,7 @@ use std::cmp::Ordering;
 use std::collections::BinaryHeap;
 use std::time::{Duration, Instant};
 
+use glam::Vec3;
 use rayon::prelude::*;
 
 use self::borders::Crossing;
@@ -119,6 +120,8 @@ pub struct Refiner<'a> {
     crossings: Vec<Crossing>,
     /// Rays that looked for these, and between corners that see different planes.
     pub border_rays: Rays,
+    /// Largest radiance, by channel, of what the unrefined mesh shows at a vertex.
+    brightest: Vec3,
     /// By material: whether it has a normal map that pixels can be traced for.
     mapped: Vec<bool>,
     /// In double precision: there may be more pixels than single precision counts.
@@ -182,6 +185,7 @@ impl<'a> Refiner<'a> {
             queue: BinaryHeap::new(),
             crossings: Vec::new(),
             border_rays: Rays::default(),
+            brightest: Vec3::ZERO,
             mapped,
             pixel_budget_used: 0.0,
             total_pixels: 0.0,
@@ -196,6 +200,7 @@ impl<'a> Refiner<'a> {
         };
         let store = refiner.store.as_deref_mut();
         refiner.samples.extend(context, &refiner.mesh, store, |vertex| dense.wanted[vertex as usize]);
+        refiner.brightest = refiner.samples.brightest();
         refiner.make_room();
         let (traced, others): (Vec<u32>, Vec<u32>) = faces.partition(|&face| dense.is(face));
         for face in traced {

@@ -231,12 +231,13 @@ impl Predictor<'_> {
     /// Largest squared contribution of a node at a corner whose target shows what corners do not tell: holes, or a texture that
     /// glows, which no fragment looks up but on a plane that it sees after one bounce.
     pub fn untold(&self, corners: [Corner; 3]) -> f32 {
+        let on_own_plane =
+            |path: u32| self.trusted(corners).any(|nodes| nodes[0].path == path && self.is_own_plane(&nodes));
         let untold = |node: &Node| {
             let target = &self.targets.targets[node.target as usize];
-            let own = node.is_followed() && target.patch.is_some();
             match self.scene.materials.get(target.material as usize) {
                 _ if target.pierced => self.square(node),
-                Some(Material { emissive_texture: Some(_), emissive, .. }) if !own => {
+                Some(Material { emissive_texture: Some(_), emissive, .. }) if !on_own_plane(node.path) => {
                     mean_square(node.throughput * *emissive)
                 }
                 _ => 0.0,
@@ -246,14 +247,26 @@ impl Predictor<'_> {
         nodes.map(untold).fold(0.0, f32::max)
     }
 
+    /// Whether every fragment between these nodes follows its own ray to a plane.
+    fn is_own_plane(&self, nodes: &[&Node; 3]) -> bool {
+        let shape = Shape::of(nodes, self.targets);
+        matches!(shape, Some(Shape::Plane { own: true } | Shape::Planes { own: true }))
+    }
+
     /// Squared contribution of a node with the mean texel.
     pub fn square(&self, node: &Node) -> f32 {
         mean_square(weight(node, self.structure(node.target)))
     }
 
-    /// What the corners of a face do not share; `size` is the face's longest edge in pixels, `shadowed` the largest square of
-    /// the light that a shadow takes from one of them.
-    pub fn face(&self, corners: [Corner; 3], size: f32, shadowed: impl FnOnce() -> f32) -> Deviation {
+    /// What the corners of a face do not share; `size` is the face's longest edge in pixels, `hidden` are lights that it hides
+    /// itself, a bit each, `shadowed` the largest square of the light that a shadow takes from one of them.
+    pub fn face(
+        &self,
+        corners: [Corner; 3],
+        size: f32,
+        hidden: u32,
+        shadowed: impl FnOnce() -> f32,
+    ) -> Deviation {
         let mut deviation = Deviation::default();
         let samples = corners.map(|corner| corner.sample);
         let total =
@@ -275,7 +288,7 @@ impl Predictor<'_> {
             }
         }
         let [a, b, c] = samples.map(|sample| sample.primary);
-        if a.lit != b.lit || a.lit != c.lit {
+        if ((a.lit ^ b.lit) | (a.lit ^ c.lit)) & !hidden != 0 {
             let [a, b, c] = [a, b, c].map(|primary| primary.local.textured + primary.local.added);
             // Where one is lit by a light that does not reach it, and another is not, all are dark.
             let jump = mean_square(a - b).max(mean_square(b - c)).max(mean_square(c - a)).max(shadowed());
@@ -302,6 +315,11 @@ impl Predictor<'_> {
         for (one, other) in [(a, b), (b, c), (c, a)] {
             if one.target == other.target && one.lit != other.lit {
                 let jump = one.throughput * one.local.textured - other.throughput * other.local.textured;
+                loss = loss.max(mean_square(jump));
+            }
+            // Elsewhere highlights are Gouraud-shaded, and may be sharper than that.
+            if matches!(shape, Shape::Chart | Shape::Plane { own: false }) {
+                let jump = one.throughput * one.local.added - other.throughput * other.local.added;
                 loss = loss.max(mean_square(jump));
             }
         }

@@ -3,6 +3,7 @@
 use std::ops::Range;
 use std::time::{Duration, Instant};
 
+use glam::Vec3;
 use rayon::prelude::*;
 
 use super::mesh::{Mesh, Vertex};
@@ -53,6 +54,12 @@ impl<'a> Sample<'a> {
 }
 
 impl Samples {
+    /// Largest radiance, by channel, of a vertex or of what one of its paths brings.
+    pub fn brightest(&self) -> Vec3 {
+        let own = self.primary.iter().map(|primary| primary.local.radiance(primary.texel));
+        own.chain(self.nodes.iter().map(Node::radiance)).fold(Vec3::ZERO, Vec3::max)
+    }
+
     /// Number of vertices that have a sample, traced or reused: what a budget counts.
     pub fn sampled(&self) -> u64 {
         self.len() as u64 - self.skipped

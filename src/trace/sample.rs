@@ -326,9 +326,12 @@ impl Walk<'_, '_> {
     }
 
     /// Keeps a node that shows, or whose target would `elsewhere`: where it is in full shadow, or a texture that glows is black,
-    /// its path must still match that of its neighbours.
+    /// its path must still match that of its neighbours. After one bounce also one that sees nothing, or a plane in the dark:
+    /// something else may stand between it and its neighbours.
     fn push(&mut self, node: Node, elsewhere: impl FnOnce() -> bool) {
-        if shows(node.local) || elsewhere() {
+        let target = &self.context.targets.targets[node.target as usize];
+        let is_even = node.target == ENVIRONMENT || target.patch.is_some();
+        if shows(node.local) || node.bounces == 1 && is_even || elsewhere() {
             self.nodes.push(node);
         }
     }

@@ -7,9 +7,9 @@ use glam::Vec3;
 use super::light::Incident;
 use super::real::{Choice, Real, Triple};
 use super::shaft::Shafts;
-use super::{Appearance, Rays, Surface, Tracer, texel};
+use super::{Appearance, Rays, Shadows, Surface, Tracer, texel};
 use crate::constants::MAX_PHONG_EXPONENT;
-use crate::scene::{Background, Scene};
+use crate::scene::{Background, Scene, View, mesh::unit};
 
 /// Lights whose visibility fits a mask; later lights shine through everything.
 pub const MASK_LIGHTS: usize = u32::BITS as usize;
@@ -35,22 +35,42 @@ impl Local {
 
 /// Which lights are not hidden from `surface`: bit i stands for light i.
 ///
-/// A light is asked only where its answer shows. Below the horizon, and on a surface that neither diffuses nor
-/// highlights, its bit is 1: there the cosine already fades it out without a step, and a 0 would only look like a shadow's
-/// edge to the refinement. Out of its cone or range it is asked: between there and a shadow within light would seem to shine.
+/// A light is asked only where its answer shows. Below the horizon, unless a normal map may bend that, and on a surface that
+/// neither diffuses nor highlights, its bit is 1: there the cosine already fades it out without a step, and a 0 would only
+/// look like a shadow's edge to the refinement. Out of its cone or range it is asked: between there and a shadow within light would seem to shine.
 pub fn visible_lights(tracer: &Tracer, surface: &Surface, appearance: &Appearance, rays: &mut Rays) -> u32 {
     let mut lit = ALL_LIT;
     if Lobes::of(appearance).is_none() {
         return lit;
     }
+    let is_mapped = tracer.scene().materials[surface.material as usize].normal_texture.is_some();
     let mut asked = Asked { tracer, shafts: None, origin: surface.front(), rays };
     for (index, light) in tracer.scene().lights.iter().take(MASK_LIGHTS).enumerate() {
         let incident = light.incident(surface.position.into());
-        if incident.is_above(surface.n.into()) && !asked.lit(index, &incident, true) {
+        if (is_mapped || incident.is_above(surface.n.into())) && !asked.lit(index, &incident, true) {
             lit &= !(1 << index);
         }
     }
     lit
+}
+
+/// Sine of the angle between a face and light up to which its shadow on itself is a matter of rounding.
+const GRAZING: f32 = 1e-3;
+
+/// Lights that `face` itself hides from the side of it that `view` shows, for they stand behind its plane, wherever the normals
+/// of its vertices and its normal map point to: bit i stands for light i. None where `shadows` leave its own out.
+pub fn lights_behind(scene: &Scene, shadows: Shadows, view: &View, face: u32) -> u32 {
+    if !shadows.apply(scene.is_vt(face), 0) {
+        return 0;
+    }
+    let corner = scene.geometry.corners(face)[0];
+    let Some(normal) = unit(scene.geometry.area_normal(face)) else { return 0 };
+    let side = -normal * normal.dot(view.direction_to(corner)).signum();
+    let lights = scene.lights.iter().take(MASK_LIGHTS).enumerate();
+    lights.fold(0, |behind, (index, light)| {
+        let to_light = Vec3::from(light.incident(corner.into()).to_light);
+        behind | u32::from(to_light.dot(side) < -GRAZING) << index
+    })
 }
 
 /// The local component at `surface` for a viewer that looks along the unit vector `direction`, under the
