@@ -541,7 +541,7 @@ fn what_cannot_be_measured_is_said_in_one_line() {
     let table = [
         ("bench scene.glb", 2, "--out <DIR>"),
         ("bench scene.glb --out o --spp 1/3", 2, "not samples a pixel such as 1, 4, 1/4"),
-        ("bench scene.glb --out o --samples many", 2, "invalid digit"),
+        ("bench scene.glb --out o --samples many", 2, "not a whole number 0 or more"),
         ("bench scene.glb --out o --repeats 0", 2, "0 is not in 1..=1000"),
         (
             "bench scene.glb --out o --antialiasing ss2",

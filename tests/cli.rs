@@ -96,6 +96,24 @@ fn wrong_usage_exits_2() {
             "cannot be used with --visibility",
         ),
         (&["render", "s.glb", "--preview", "--max-samples", "5"], "cannot be used with"),
+        (&["render", "s.glb", "--fov", "-5"], "not a number between 0 and 180 degrees"),
+        (&["render", "s.glb", "--error", "-1"], "not a number 0 or more"),
+        (&["render", "s.glb", "--background", "-1,0,0"], "a colour is not negative"),
+        (&["render", "s.glb", "--budget", "-5"], "-5 is not in 1.."),
+        (&["render", "s.glb", "--max-samples", "-5"], "not a whole number 0 or more"),
+        (&["render", "s.glb", "--max-triangles", "-5"], "not a whole number 0 or more"),
+        (&["render", "s.glb", "--nodes", "-5"], "-5 is not in 1..=32"),
+        (&["render", "s.glb", "--depth", "-5"], "-5 is not in 0..=255"),
+        (&["render", "s.glb", "--threads", "-5"], "-5 is not in 1..=1024"),
+        (&["render", "s.glb", "--size", "-5x5"], "not a size such as 1280x1024"),
+        (&["render", "s.glb", "--min-throughput", "-5"], "not a number from 0 to 1"),
+        (&["render", "s.glb", "--roughness-threshold", "-0.5"], "not a number from 0 to 1"),
+        (&["reference", "s.glb", "-o", "x.png", "--ray-offset", "-1"], "not a number 0 or more"),
+        (&["reference", "s.glb", "-o", "x.png", "--spp", "-1"], "-1 is not in 1..=65536"),
+        #[cfg(feature = "bench")]
+        (&["bench", "s.glb", "--out", "out", "--samples", "-1"], "not a whole number 0 or more"),
+        #[cfg(feature = "bench")]
+        (&["bench", "s.glb", "--out", "out", "--repeats", "-1"], "-1 is not in 1..=1000"),
         (&["render", "s.glb", "--shaft-guard", "maybe"], "[possible values: on, off]"),
         (&["render", "s.glb", "--mode", "raytrace"], "[possible values: multi-texture, multi-pass]"),
         (&["reference", "s.glb", "-o", "x.png", "--vt", "cup", "--no-vt", "cup"], "contradict each other"),
@@ -158,6 +176,18 @@ fn help_and_version_are_results() {
     let help = run(&["render", "-h"]).stdout;
     let line = text(&help).split("--shaft-guard").nth(1).unwrap().split("--").next().unwrap();
     assert!(line.contains("on, off") && !line.contains("true"), "{line}");
+    for (option, range) in [
+        ("--size <", "1 to 16384"),
+        ("--nodes <", "1 to 32"),
+        ("--depth <", "0 to 255"),
+        ("--threads <", "1 to 1024"),
+        ("--max-samples <", "vertices of visible faces"),
+        ("--budget <", "one drawing"),
+    ] {
+        let line = text(&help).split(option).nth(1).unwrap().split("\n      --").next().unwrap();
+        let words: Vec<&str> = line.split_whitespace().collect();
+        assert!(words.join(" ").contains(range), "{option}: {line:?} should contain {range:?}");
+    }
 }
 
 #[test]

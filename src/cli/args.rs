@@ -20,8 +20,8 @@ use crate::{
 #[command(next_help_heading = "View")]
 #[allow(missing_docs)] // the comments are the help texts
 pub struct ViewArgs {
-    /// Image size in pixels
-    #[arg(long, value_name = "WxH", default_value = "1280x1024", value_parser = values::size)]
+    /// Image size in pixels, each side 1 to 16384
+    #[arg(long, value_name = "WxH", default_value = "1280x1024", value_parser = values::size, allow_hyphen_values = true)]
     pub size: Size,
     /// Camera of the file, by name or by index from 0; the first one, or one that frames the scene
     #[arg(long, value_name = "NAME|INDEX")]
@@ -33,7 +33,7 @@ pub struct ViewArgs {
     #[arg(long, value_name = "X,Y,Z", value_parser = values::point, allow_hyphen_values = true, requires = "eye")]
     pub target: Option<DVec3>,
     /// Vertical field of view in degrees [default: the camera's, 40 with --eye]
-    #[arg(long, value_name = "DEG", value_parser = values::fov)]
+    #[arg(long, value_name = "DEG", value_parser = values::fov, allow_negative_numbers = true)]
     pub fov: Option<f32>,
 }
 
@@ -62,8 +62,14 @@ pub struct MethodArgs {
     /// What is interpolated between traced vertices
     #[arg(long, default_value_t, value_parser = values::choice::<Reconstruction>())]
     pub reconstruction: Reconstruction,
-    /// Path nodes that a face keeps apart, with --reconstruction exact
-    #[arg(long, value_name = "N", default_value_t = 8, value_parser = value_parser!(u32).range(1..=i64::from(MAX_NODES)))]
+    /// Path nodes that a face keeps apart, 1 to 32, with --reconstruction exact
+    #[arg(
+        long,
+        value_name = "N",
+        default_value_t = 8,
+        value_parser = value_parser!(u32).range(1..=i64::from(MAX_NODES)),
+        allow_negative_numbers = true
+    )]
     pub nodes: u32,
     /// How visible faces are found
     #[arg(long, default_value_t, value_parser = values::choice::<VisibilityWay>())]
@@ -109,13 +115,14 @@ pub struct EffortArgs {
     /// Refine until reflections are predicted to be displaced by no more than this, and colours to be off by no more
     /// than 0.0003 of it
     /// [default: 0.5; beside --max-samples or --budget none]
-    #[arg(long, value_name = "PIXELS", value_parser = values::non_negative)]
+    #[arg(long, value_name = "PIXELS", value_parser = values::non_negative, allow_negative_numbers = true)]
     pub error: Option<f32>,
-    /// Trace no more vertices, and pixels by themselves, than this
-    #[arg(long, value_name = "N")]
+    /// Trace no more vertices, and pixels by themselves, than this; but the vertices of visible faces, which the first
+    /// picture needs, in any case
+    #[arg(long, value_name = "N", value_parser = values::count, allow_negative_numbers = true)]
     pub max_samples: Option<u64>,
-    /// Take no longer than this for the frame
-    #[arg(long, value_name = "MS", value_parser = value_parser!(u32).range(1..))]
+    /// Take no longer than this for the frame; but what a --preview takes, with its one drawing, in any case
+    #[arg(long, value_name = "MS", value_parser = value_parser!(u32).range(1..), allow_negative_numbers = true)]
     pub budget: Option<u32>,
     /// Refine where something stands between samples that agree
     #[arg(long, default_value = "on", action = ArgAction::Set, value_parser = values::on_off())]
@@ -139,11 +146,17 @@ impl EffortArgs {
 #[command(next_help_heading = "Effort")]
 #[allow(missing_docs)]
 pub struct PathArgs {
-    /// Most specular bounces of a path
-    #[arg(long, value_name = "N", default_value_t = PathOptions::default().depth, value_parser = value_parser!(u32).range(0..=255))]
+    /// Most specular bounces of a path, 0 to 255
+    #[arg(
+        long,
+        value_name = "N",
+        default_value_t = PathOptions::default().depth,
+        value_parser = value_parser!(u32).range(0..=255),
+        allow_negative_numbers = true
+    )]
     pub depth: u32,
-    /// Drop branches that carry less than this [default: 1/255; with 64 or more samples a pixel 0]
-    #[arg(long, value_name = "T", value_parser = values::fraction)]
+    /// Drop branches that carry less than this, 0 to 1 [default: 1/255; with 64 or more samples a pixel 0]
+    #[arg(long, value_name = "T", value_parser = values::fraction, allow_negative_numbers = true)]
     pub min_throughput: Option<f32>,
 }
 
@@ -174,23 +187,35 @@ pub struct SceneArgs {
     /// Treat this node, mesh or material as an ordinary object; may be repeated
     #[arg(long = "no-vt", value_name = "NAME")]
     pub no_vt: Vec<String>,
-    /// Largest roughness of a specular VT object
-    #[arg(long, value_name = "R", default_value_t = VtRules::default().roughness_threshold, value_parser = values::fraction)]
+    /// Largest roughness of a specular VT object, 0 to 1
+    #[arg(
+        long,
+        value_name = "R",
+        default_value_t = VtRules::default().roughness_threshold,
+        value_parser = values::fraction,
+        allow_negative_numbers = true
+    )]
     pub roughness_threshold: f32,
     /// Linear radiance of rays that leave the scene [default: 0,0,0]
-    #[arg(long, value_name = "R,G,B", value_parser = values::color, conflicts_with = "environment")]
+    #[arg(
+        long,
+        value_name = "R,G,B",
+        value_parser = values::color,
+        allow_hyphen_values = true,
+        conflicts_with = "environment"
+    )]
     pub background: Option<Vec3>,
     /// Panorama (.hdr or .exr) around the scene
     #[arg(long, value_name = "FILE")]
     pub environment: Option<PathBuf>,
     /// Refuse files with more triangles
-    #[arg(long, value_name = "N")]
+    #[arg(long, value_name = "N", value_parser = values::count, allow_negative_numbers = true)]
     pub max_triangles: Option<u64>,
     /// Refuse files whose textures take more memory
-    #[arg(long, value_name = "N")]
+    #[arg(long, value_name = "N", value_parser = values::count, allow_negative_numbers = true)]
     pub max_texture_bytes: Option<u64>,
     /// Refuse files with more nodes
-    #[arg(long, value_name = "N")]
+    #[arg(long, value_name = "N", value_parser = values::count, allow_negative_numbers = true)]
     pub max_nodes: Option<u64>,
 }
 
@@ -218,8 +243,8 @@ impl SceneArgs {
 #[command(next_help_heading = "Machine")]
 #[allow(missing_docs)]
 pub struct ThreadArgs {
-    /// Threads to work with [default: one for each core]
-    #[arg(long, value_name = "N", value_parser = value_parser!(u16).range(1..=1024))]
+    /// Threads to work with, 1 to 1024 [default: one for each core]
+    #[arg(long, value_name = "N", value_parser = value_parser!(u16).range(1..=1024), allow_negative_numbers = true)]
     pub threads: Option<u16>,
 }
 

@@ -45,10 +45,23 @@ pub struct BenchArgs {
     #[arg(long, value_name = "DIR")]
     out: PathBuf,
     /// Budgets of vertex tracing, in samples; a preview comes before them
-    #[arg(long, value_name = "N,…", value_delimiter = ',', default_value = "1000,4000,16000,64000")]
+    #[arg(
+        long,
+        value_name = "N,…",
+        value_delimiter = ',',
+        default_value = "1000,4000,16000,64000",
+        value_parser = values::count,
+        allow_hyphen_values = true
+    )]
     samples: Vec<u64>,
     /// Sampling rates of the ray tracer, in samples a pixel
-    #[arg(long, value_name = "N,…", value_delimiter = ',', default_value = "1/4,1,2,4,8,16")]
+    #[arg(
+        long,
+        value_name = "N,…",
+        value_delimiter = ',',
+        default_value = "1/4,1,2,4,8,16",
+        allow_hyphen_values = true
+    )]
     spp: Vec<Rate>,
     /// What is interpolated between traced vertices
     #[arg(long, value_delimiter = ',', default_value = "exact,paper", value_parser = values::choice::<Reconstruction>())]
@@ -56,11 +69,23 @@ pub struct BenchArgs {
     /// How vertex tracing smooths edges
     #[arg(long, value_delimiter = ',', default_value = "ss1,ss4,msaa4,pixels16", value_parser = values::choice::<Antialiasing>())]
     antialiasing: Vec<Antialiasing>,
-    /// Timed runs of every point
-    #[arg(long, value_name = "N", default_value_t = 5, value_parser = value_parser!(u16).range(1..=1000))]
+    /// Timed runs of every point, 1 to 1000
+    #[arg(
+        long,
+        value_name = "N",
+        default_value_t = 5,
+        value_parser = value_parser!(u16).range(1..=1000),
+        allow_negative_numbers = true
+    )]
     repeats: u16,
-    /// Samples a pixel of the picture that errors are against
-    #[arg(long, value_name = "N", default_value_t = 64, value_parser = value_parser!(u32).range(1..=65536))]
+    /// Samples a pixel of the picture that errors are against, 1 to 65536
+    #[arg(
+        long,
+        value_name = "N",
+        default_value_t = 64,
+        value_parser = value_parser!(u32).range(1..=65536),
+        allow_negative_numbers = true
+    )]
     reference_spp: u32,
     /// Another program's image of the same view, and the seconds that it took; may be repeated
     #[arg(long, value_name = "NAME=IMAGE,SECONDS", value_parser = outside)]

@@ -33,8 +33,14 @@ pub struct ReferenceArgs {
     /// Image to write: .png, .exr or .pfm
     #[arg(short, long, value_name = "OUT", value_parser = values::image_file)]
     output: PathBuf,
-    /// Samples per pixel
-    #[arg(long, value_name = "N", default_value_t = 1, value_parser = value_parser!(u32).range(1..=65536))]
+    /// Samples per pixel, 1 to 65536
+    #[arg(
+        long,
+        value_name = "N",
+        default_value_t = 1,
+        value_parser = value_parser!(u32).range(1..=65536),
+        allow_negative_numbers = true
+    )]
     spp: u32,
     /// Follow rays of neighbouring pixels together, as render does with pixels that it traces: the fastest conventional
     /// tracing here, and so what times are measured against. Errors are measured against pictures made without
@@ -42,7 +48,7 @@ pub struct ReferenceArgs {
     packets: bool,
     /// Start rays this far off every face, as renderers with one constant offset do: to compare with them
     /// [default: each face's own, from the rounding of its coordinates]
-    #[arg(long, value_name = "UNITS", value_parser = values::non_negative)]
+    #[arg(long, value_name = "UNITS", value_parser = values::non_negative, allow_negative_numbers = true)]
     ray_offset: Option<f32>,
     #[command(flatten)]
     view: ViewArgs,

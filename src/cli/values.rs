@@ -59,6 +59,11 @@ pub fn non_negative(text: &str) -> Result<f32, String> {
     number(text, "0 or more", |v| v >= 0.0)
 }
 
+/// A whole number from 0 on.
+pub fn count(text: &str) -> Result<u64, String> {
+    text.parse().map_err(|_| "not a whole number 0 or more".into())
+}
+
 /// A number from 1 on.
 pub fn at_least_one(text: &str) -> Result<f32, String> {
     number(text, "1 or more", |v| v >= 1.0)

@@ -26,13 +26,13 @@ pub struct ViewerArgs {
     #[command(flatten)]
     pub method: MethodArgs,
     /// Refine until reflections are predicted to be displaced by no more than this [default: 0.5]
-    #[arg(long, value_name = "PIXELS", help_heading = "Effort", value_parser = values::non_negative)]
+    #[arg(long, value_name = "PIXELS", help_heading = "Effort", value_parser = values::non_negative, allow_negative_numbers = true)]
     pub error: Option<f32>,
     /// Time for a frame while the camera moves
-    #[arg(long, value_name = "MS", help_heading = "Effort", default_value_t = 33, value_parser = value_parser!(u32).range(1..))]
+    #[arg(long, value_name = "MS", help_heading = "Effort", default_value_t = 33, value_parser = value_parser!(u32).range(1..), allow_negative_numbers = true)]
     pub budget: u32,
     /// While the camera moves, draw pixels of N x N of the window's; unless given, as fine as the budget allows
-    #[arg(long, value_name = "N", help_heading = "Effort", value_parser = value_parser!(u32).range(1..=4))]
+    #[arg(long, value_name = "N", help_heading = "Effort", value_parser = value_parser!(u32).range(1..=4), allow_negative_numbers = true)]
     pub coarse: Option<u32>,
     #[command(flatten)]
     pub paths: PathArgs,

@@ -114,9 +114,10 @@ pub struct EffortOptions {
     /// the predicted RMS error of linear radiance, since not all errors are displacements. `None` is
     /// [`DEFAULT_ERROR`], or no such limit beside another one.
     pub error: Option<f32>,
-    /// Most vertices to trace, and pixels that are traced by themselves.
+    /// Most vertices to trace, and pixels that are traced by themselves. The vertices of visible faces are in any case:
+    /// there is no picture without.
     pub max_samples: Option<u64>,
-    /// Longest time for the frame: with it the image may differ from run to run, as it may where
+    /// Longest time for the frame, but not below that of a preview, with its one drawing: with it the image may differ from run to run, as it may where
     /// [`VisibilityWay::Auto`] finds two ways about equally fast.
     pub budget: Option<Duration>,
     /// Whether to look for what stands between samples that agree; for [`Reconstruction::Exact`].
