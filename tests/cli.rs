@@ -114,6 +114,10 @@ fn wrong_usage_exits_2() {
         (&["bench", "s.glb", "--out", "out", "--samples", "-1"], "not a whole number 0 or more"),
         #[cfg(feature = "bench")]
         (&["bench", "s.glb", "--out", "out", "--repeats", "-1"], "-1 is not in 1..=1000"),
+        #[cfg(not(feature = "view"))]
+        (&["view", "s.glb", "--fov", "40"], "cargo run --release --features view -- view"),
+        #[cfg(not(feature = "view"))]
+        (&["view", "--help"], "built without the feature `view`"),
         (&["render", "s.glb", "--shaft-guard", "maybe"], "[possible values: on, off]"),
         (&["render", "s.glb", "--mode", "raytrace"], "[possible values: multi-texture, multi-pass]"),
         (&["reference", "s.glb", "-o", "x.png", "--vt", "cup", "--no-vt", "cup"], "contradict each other"),
@@ -188,6 +192,8 @@ fn help_and_version_are_results() {
         let words: Vec<&str> = line.split_whitespace().collect();
         assert!(words.join(" ").contains(range), "{option}: {line:?} should contain {range:?}");
     }
+    let help = run(&["--help"]).stdout;
+    assert_eq!(text(&help).contains("\n  view "), cfg!(feature = "view"), "{}", text(&help));
 }
 
 #[test]

@@ -22,6 +22,8 @@ pub mod values;
 #[cfg(feature = "view")]
 pub mod view;
 
+#[cfg(not(feature = "view"))]
+use std::ffi::OsString;
 use std::process::ExitCode;
 
 use clap::{CommandFactory, Parser, Subcommand, error::ErrorKind};
@@ -52,6 +54,14 @@ enum Command {
     Bench(Box<bench::BenchArgs>),
     #[cfg(feature = "view")]
     View(Box<view::ViewerArgs>),
+    /// Look at a scene in a window; not in this build
+    #[cfg(not(feature = "view"))]
+    #[command(hide = true, disable_help_flag = true)]
+    View {
+        /// Whatever else is said.
+        #[arg(hide = true, trailing_var_arg = true, allow_hyphen_values = true)]
+        _rest: Vec<OsString>,
+    },
 }
 
 /// Why a command did not do its work.
@@ -82,6 +92,14 @@ impl Failure {
         let found = command.find_subcommand_mut(subcommand).expect("the subcommand that was parsed");
         Self::Usage(found.error(ErrorKind::ArgumentConflict, problem))
     }
+
+    /// The viewer, asked of a build that lacks it.
+    #[cfg(not(feature = "view"))]
+    fn absent_view() -> Self {
+        let problem = "this vtrace was built without the feature `view`; with it: \
+                       cargo run --release --features view -- view SCENE\n";
+        Self::Usage(clap::Error::raw(ErrorKind::InvalidSubcommand, problem))
+    }
 }
 
 /// Runs the command that the arguments of this process name.
@@ -103,6 +121,8 @@ pub fn main() -> ExitCode {
             Command::Bench(args) => bench::run(&args)?,
             #[cfg(feature = "view")]
             Command::View(args) => view::run(&args)?,
+            #[cfg(not(feature = "view"))]
+            Command::View { .. } => return Err(Failure::absent_view()),
         }
         Ok(())
     });
