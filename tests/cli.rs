@@ -409,9 +409,14 @@ fn a_closed_pipe_is_no_error_and_a_full_disk_is() {
 
     if Path::new("/dev/full").exists() {
         let full = fs::OpenOptions::new().write(true).open("/dev/full").unwrap();
-        let output = compare(full.into()).wait_with_output().unwrap();
+        let output = compare(full.try_clone().unwrap().into()).wait_with_output().unwrap();
         assert_eq!(output.status.code(), Some(1));
         assert!(text(&output.stderr).starts_with("error: standard output: "), "{}", text(&output.stderr));
+        for help in [&["--help"][..], &["--version"], &["render", "--help"]] {
+            let output = vtrace().args(help).stdout(full.try_clone().unwrap()).output().unwrap();
+            assert_eq!(output.status.code(), Some(1), "{help:?}");
+            assert!(text(&output.stderr).starts_with("error: standard output: "), "{}", text(&output.stderr));
+        }
     }
 }
 

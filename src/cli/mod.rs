@@ -128,11 +128,18 @@ pub fn main() -> ExitCode {
     });
     match outcome {
         Some(Ok(())) => ExitCode::SUCCESS,
-        Some(Err(Failure::Usage(error))) => {
-            // A closed pipe: nobody is left to be told.
+        Some(Err(Failure::Usage(error))) if error.use_stderr() => {
+            // Nobody is left to be told that it could not be told.
             let _ = error.print();
-            ExitCode::from(if error.use_stderr() { 2 } else { 0 })
+            ExitCode::from(2)
         }
+        Some(Err(Failure::Usage(help))) => match terminal::printed(help.print()) {
+            Ok(()) => ExitCode::SUCCESS,
+            Err(error) => {
+                terminal::complain(&error);
+                ExitCode::from(1)
+            }
+        },
         Some(Err(Failure::Error(Error::Interrupted))) => {
             terminal::complain_of_interrupt();
             ExitCode::from(terminal::INTERRUPTED)
