@@ -31,7 +31,7 @@ pub struct ReferenceArgs {
     /// Scene, a .glb or .gltf file
     scene: PathBuf,
     /// Image to write: .png, .exr or .pfm
-    #[arg(short, long, value_name = "OUT", value_parser = values::image_file)]
+    #[arg(short, long, value_name = "OUT", value_parser = values::image_file())]
     output: PathBuf,
     /// Samples per pixel, 1 to 65536
     #[arg(

@@ -32,7 +32,7 @@ pub struct RenderArgs {
     /// Scene, a .glb or .gltf file
     pub scene: PathBuf,
     /// Image to write: .png, .exr or .pfm
-    #[arg(short, long, value_name = "OUT", value_parser = values::image_file)]
+    #[arg(short, long, value_name = "OUT", value_parser = values::image_file())]
     pub output: Option<PathBuf>,
     #[command(flatten)]
     pub view: ViewArgs,

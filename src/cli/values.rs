@@ -2,7 +2,7 @@
 
 use std::path::PathBuf;
 
-use clap::builder::{PossibleValue, PossibleValuesParser, TypedValueParser};
+use clap::builder::{PathBufValueParser, PossibleValue, PossibleValuesParser, TypedValueParser};
 use glam::{DVec3, Vec3};
 
 use crate::{options::Choice, report::output::Format};
@@ -84,13 +84,12 @@ fn number(text: &str, range: &str, valid: impl Fn(f32) -> bool) -> Result<f32, S
     number.ok_or_else(|| format!("not a number {range}"))
 }
 
-/// A file whose extension names an image format.
-pub fn image_file(text: &str) -> Result<PathBuf, String> {
-    let path = PathBuf::from(text);
-    match Format::of(&path) {
+/// A file whose extension names an image format; its name need not be Unicode.
+pub fn image_file() -> impl TypedValueParser<Value = PathBuf> {
+    PathBufValueParser::new().try_map(|path| match Format::of(&path) {
         Ok(_) => Ok(path),
-        Err(_) => Err("images are written as .png, .exr or .pfm".into()),
-    }
+        Err(_) => Err("images are written as .png, .exr or .pfm"),
+    })
 }
 
 /// One of a [`Choice`]'s names, which help and error messages list.
