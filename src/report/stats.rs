@@ -151,7 +151,9 @@ pub struct Pass {
 /// Wall times in milliseconds.
 ///
 /// `frame` runs from the camera to the finished linear image, without loading, BVH, image read-back,
-/// encoding and files; those from `visibility` to `smooth` are its parts.
+/// encoding and files; those from `visibility` to `smooth` are its parts. Where the host has a part in the image, its
+/// read-back is within: once in `smooth` with `--pixel-samples`, and in `draw` for every draw where `--ss` takes several,
+/// as `--ss 16` does. So are drawing, read-back and file of every step with `--progressive`.
 #[derive(Debug, Clone, Copy, Default, PartialEq, Serialize)]
 #[allow(missing_docs)]
 pub struct Times {
