@@ -537,6 +537,8 @@ fn what_cannot_be_measured_is_said_in_one_line() {
     fs::write(folder.path().join("scene.glb"), Demo::Sphere.glb()).unwrap();
     fs::write(folder.path().join("file"), "").unwrap();
     write_image(&folder.path().join("other.png"), &FloatImage::from_fn(8, 4, |_, _| [0.2; 3]), 0.0).unwrap();
+    let nan = FloatImage::from_fn(80, 64, |x, y| [if (x, y) == (3, 2) { f32::NAN } else { 0.5 }; 3]);
+    write_image(&folder.path().join("nan.pfm"), &nan, 0.0).unwrap();
     let small = "--size 80x64 --samples 100 --spp 1 --repeats 1 --reference-spp 1";
     let table = [
         ("bench scene.glb", 2, "--out <DIR>"),
@@ -561,6 +563,11 @@ fn what_cannot_be_measured_is_said_in_one_line() {
             "other.png has 8x4 pixels, the bench 80x64",
         ),
         ("bench scene.glb --out o --compare other=absent.png,1", 1, "absent.png"),
+        (
+            "bench scene.glb --out o --compare other=nan.pfm,1",
+            1,
+            "--compare other: nan.pfm: pixel (3, 2) is NaN",
+        ),
     ];
     for (arguments, code, expected) in table {
         let output = vtrace(folder.path(), &format!("{arguments} {}", if code == 1 { small } else { "" }));

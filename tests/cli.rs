@@ -47,6 +47,8 @@ impl Place {
         let image = FloatImage::from_fn(8, 4, |x, _| [x as f32 / 8.0; 3]);
         write_image(&place.path("image.png"), &image, 0.0).unwrap();
         write_image(&place.path("image.pfm"), &image, 0.0).unwrap();
+        let nan = FloatImage::from_fn(8, 4, |x, y| [if (x, y) == (2, 1) { f32::NAN } else { 0.5 }; 3]);
+        write_image(&place.path("nan.pfm"), &nan, 0.0).unwrap();
         write_image(&place.path("upright.png"), &FloatImage::from_fn(4, 8, |_, _| [1.0; 3]), 0.0).unwrap();
         write_image(&place.path("small.png"), &FloatImage::from_fn(4, 4, |_, _| [0.0; 3]), 0.0).unwrap();
         place
@@ -232,7 +234,9 @@ fn bad_input_exits_1_with_one_line_and_leaves_no_file() {
     let table: &[(&[&str], &str)] = &[
         (&["compare", "absent.png", "image.png"], "absent.png: "),
         (&["compare", "image.png", "text.glb"], "text.glb: not a PNG, JPEG, HDR, EXR or PFM image"),
-        (&["compare", "image.png", "small.png"], "images differ in size: 8x4 and 4x4"),
+        (&["compare", "image.png", "small.png"], "image.png has 8x4 pixels, small.png 4x4"),
+        (&["compare", "image.png", "nan.pfm"], "nan.pfm: pixel (2, 1) is NaN"),
+        (&["compare", "nan.pfm", "image.png"], "nan.pfm: pixel (2, 1) is NaN"),
         (
             &["compare", "image.png", "image.pfm", "--mask", "small.png"],
             "mask has 4x4 pixels, the images 8x4",

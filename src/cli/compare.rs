@@ -7,7 +7,7 @@ use clap::Args;
 use super::terminal;
 use crate::{
     error::{Error, Result},
-    report::{Comparison, Encoding, FloatImage, compare, output::to_json},
+    report::{Comparison, Encoding, FloatImage, compare, metrics::first_nan, output::to_json},
 };
 
 /// Measure the difference between two images (PNG, JPEG, HDR, EXR or PFM)
@@ -38,7 +38,24 @@ pub struct CompareArgs {
 pub(super) fn run(args: &CompareArgs) -> Result<()> {
     let reference = FloatImage::read(&args.reference)?;
     let image = FloatImage::read(&args.image)?;
+    if (reference.width, reference.height) != (image.width, image.height) {
+        return Err(Error::Compare(format!(
+            "images differ in size: {} has {}x{} pixels, {} {}x{}",
+            args.reference.display(),
+            reference.width,
+            reference.height,
+            args.image.display(),
+            image.width,
+            image.height
+        )));
+    }
     let mask = args.mask.as_deref().map(|file| mask_of(file, &reference)).transpose()?;
+    for (file, image) in [(&args.reference, &reference), (&args.image, &image)] {
+        if let Some((x, y)) = first_nan(image, mask.as_deref()) {
+            let problem = format!("pixel ({x}, {y}) is NaN");
+            return Err(Error::Image { path: file.clone(), problem });
+        }
+    }
     let encoding = if args.linear { Encoding::Linear } else { Encoding::Srgb };
     let comparison = compare(&reference, &image, mask.as_deref(), encoding)?;
     if args.json {

@@ -105,8 +105,7 @@ fn measure<'f>(
         return Err(Error::Compare("no pixel to compare: the mask is empty".into()));
     }
     for (which, image) in [("first", a), ("second", b)] {
-        if let Some(&i) = chosen.iter().find(|&&i| image.pixels[i].iter().any(|v| v.is_nan())) {
-            let (x, y) = (i % a.width as usize, i / a.width as usize);
+        if let Some((x, y)) = first_nan(image, mask) {
             return Err(Error::Compare(format!("pixel ({x}, {y}) of the {which} image is NaN")));
         }
     }
@@ -136,6 +135,13 @@ fn measure<'f>(
         max: largest[largest.len() - 1],
         over_0_1: over as f64 / largest.len() as f64,
     })
+}
+
+/// Column and row of the first pixel that is NaN, where `mask` is set or everywhere: no image with one can be compared.
+pub fn first_nan(image: &FloatImage, mask: Option<&[bool]>) -> Option<(usize, usize)> {
+    let is_nan = |i: &usize| image.pixels[*i].iter().any(|v| v.is_nan());
+    let i = (0..image.pixels.len()).filter(|&i| mask.is_none_or(|mask| mask[i])).find(is_nan)?;
+    Some((i % image.width as usize, i / image.width as usize))
 }
 
 /// Linear interpolation between the two nearest ranks of `sorted`, which is not empty.

@@ -133,7 +133,8 @@ pub fn write_file(path: &Path, bytes: &[u8]) -> Result<()> {
     };
     let _held = hold_files();
     let mut file = temporary(&target)?;
-    file.write_all(bytes).map_err(Error::io(path))?;
+    // To the file itself: tempfile adds the temporary name to its errors.
+    file.as_file_mut().write_all(bytes).map_err(Error::io(path))?;
     file.persist(&target).map_err(|error| Error::Io { path: path.into(), source: error.error })?;
     Ok(())
 }

@@ -10,7 +10,7 @@ use super::studio::{Shot, Studio, without_vt};
 use super::{Bench, Floor, Picture, Point, crossover, truth, words};
 use crate::error::{Error, Result};
 use crate::gpu::Gpu;
-use crate::report::metrics::{Comparison, Differences, Encoding};
+use crate::report::metrics::{Comparison, Differences, Encoding, first_nan};
 use crate::report::profile::Spread;
 use crate::report::stats::{StoppedBy, Times};
 use crate::report::{FloatImage, image};
@@ -116,7 +116,10 @@ fn outside_image(Outside { name, image: path, .. }: &Outside, size: (u32, u32)) 
     let image = FloatImage::read(path)?;
     let (own, path) = ((image.width, image.height), path.display());
     if own == size {
-        return Ok(image);
+        return match first_nan(&image, None) {
+            Some((x, y)) => Err(Error::Compare(format!("--compare {name}: {path}: pixel ({x}, {y}) is NaN"))),
+            None => Ok(image),
+        };
     }
     Err(Error::Compare(format!(
         "--compare {name}: {path} has {}x{} pixels, the bench {}x{}; take --size {}x{}",
