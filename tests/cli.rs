@@ -44,6 +44,7 @@ impl Place {
         fs::write(place.path("header.glb"), &glb[..10]).unwrap();
         fs::write(place.path("text.glb"), "hello").unwrap();
         fs::write(place.path("text.gltf"), "hello").unwrap();
+        fs::write(place.path("empty.glb"), "").unwrap();
         let image = FloatImage::from_fn(8, 4, |x, _| [x as f32 / 8.0; 3]);
         write_image(&place.path("image.png"), &image, 0.0).unwrap();
         write_image(&place.path("image.pfm"), &image, 0.0).unwrap();
@@ -237,6 +238,7 @@ fn bad_input_exits_1_with_one_line_and_leaves_no_file() {
         (&["compare", "image.png", "small.png"], "image.png has 8x4 pixels, small.png 4x4"),
         (&["compare", "image.png", "nan.pfm"], "nan.pfm: pixel (2, 1) is NaN"),
         (&["compare", "nan.pfm", "image.png"], "nan.pfm: pixel (2, 1) is NaN"),
+        (&["reference", "empty.glb", "-o", "out.png"], "empty.glb: file: is empty"),
         (
             &["compare", "image.png", "image.pfm", "--mask", "small.png"],
             "mask has 4x4 pixels, the images 8x4",

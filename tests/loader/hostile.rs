@@ -71,7 +71,9 @@ fn json_that_swells_is_refused() {
 #[test]
 fn broken_json_is_named_by_place() {
     assert!(refused(crate::model::load(b"{]")).contains("line 1 column 2"));
-    assert!(refused(crate::model::load(b"")).contains("JSON"));
+    for blank in [&b""[..], b"\xef\xbb\xbf", &[0; 8]] {
+        assert!(refused(crate::model::load(blank)).ends_with("is empty"), "{blank:?}");
+    }
     assert!(refused(crate::model::load(b"[1, 2]")).contains("asset"));
     let text = triangle("/materials/0/pbrMetallicRoughness", json!({"metallicFactor": "shiny"}));
     assert_refused(&text, &["materials[0].pbrMetallicRoughness.metallicFactor", "shiny"]);
@@ -100,8 +102,14 @@ fn binary_headers_that_lie() {
     for length in [good.len() as u32 - 19, u32::MAX] {
         let mut bytes = good.clone();
         bytes[12..16].copy_from_slice(&length.to_le_bytes());
-        assert!(refused(crate::model::load(&bytes)).contains("longer"), "chunk length {length}");
+        let expected = format!("GLB chunk 0: {length} bytes long, but {} are left", good.len() - 20);
+        assert!(refused(crate::model::load(&bytes)).contains(&expected), "chunk length {length}");
     }
+    // What is left behind it is no chunk: either length may be the wrong one.
+    let mut bytes = good.clone();
+    bytes[12..16].copy_from_slice(&(good.len() as u32 - 24).to_le_bytes());
+    let refusal = refused(crate::model::load(&bytes));
+    assert!(refusal.contains("GLB chunk 1: 4 bytes are left, too few for its header"), "{refusal}");
     for end in 0..good.len() {
         refused(crate::model::load(&good[..end]));
     }
@@ -290,7 +298,8 @@ fn formats_that_no_attribute_has() {
         let mut model = Model::triangle();
         let accessor = model.accessor(component, kind, 3, &[0; 48]);
         model.attribute(name, accessor);
-        assert_refused(&model, &["meshes[0].primitives[0].attributes", name]);
+        let given = format!("{kind} of ");
+        assert_refused(&model, &["meshes[0].primitives[0].attributes", name, &given]);
     }
     for (component, kind) in [(FLOAT, "SCALAR"), (I16, "SCALAR"), (U16, "VEC2")] {
         let mut model = Model::triangle();
@@ -352,11 +361,16 @@ fn numbers_that_are_none() {
         let mut model = Model::triangle();
         let positions = model.floats("VEC3", &[value; 9]);
         model.attribute("POSITION", positions);
-        assert_refused(&model, &["nothing to draw", "degenerate"]);
+        assert_refused(&model, &["nothing to draw: ", "1 primitives has a position that is NaN or infinite"]);
     }
     // Beyond f32 once placed: dropped, not drawn at infinity.
-    assert_refused(&triangle("/nodes/0/scale", json!([1e300, 1e300, 1e300])), &["degenerate"]);
+    assert_refused(&triangle("/nodes/0/scale", json!([1e300, 1e300, 1e300])), &["NaN or infinite"]);
     assert_refused(&triangle("/nodes/0/scale", json!([0, 0, 0])), &["degenerate"]);
+    let mut model = Model::triangle();
+    let positions = model.floats("VEC3", &[0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 2.0, 0.0, 0.0, f32::NAN, 0.0, 0.0]);
+    let indices = model.indices(&[0, 1, 2, 0, 1, 3]);
+    model.attribute("POSITION", positions).primitive()["indices"] = json!(indices);
+    assert_refused(&model, &["degenerate or has a position that is NaN or infinite"]);
     let bytes = String::from_utf8(Model::triangle().bytes()).unwrap();
     let huge = bytes.replace(r#"{"mesh":0}"#, r#"{"mesh":0,"translation":[1e309,0,0]}"#);
     assert!(refused(crate::model::load(huge.as_bytes())).contains("number out of range"));
@@ -386,6 +400,10 @@ fn lenses_that_see_nothing() {
     ] {
         assert_refused(&triangle("/cameras", cameras), &["cameras[0]"]);
     }
+    let near = "znear is 10 and zfar 1: the one must be above 0, the other beyond it";
+    assert_refused(&triangle("/cameras", perspective(1.0, 10.0, 1.0)), &[near]);
+    let endless = json!([{"type": "perspective", "perspective": {"yfov": 1, "znear": -1}}]);
+    assert_refused(&triangle("/cameras", endless), &["znear is -1 and must be above 0"]);
 }
 
 #[test]

@@ -99,6 +99,12 @@ fn values_out_of_range_are_clamped_and_noted() {
     assert_eq!(volume.attenuation_color, Vec3::new(1.0, 0.0, 1.0));
     assert!(volume.attenuation_distance.is_infinite());
     assert_eq!(scene.notes.len(), 4, "{:?}", scene.notes);
+    for note in [
+        "material 0: metallicFactor 1.5 is out of range: 1 is used",
+        "material 0: attenuationColor [2, 0, 1] is out of range: [1, 0, 1] is used",
+    ] {
+        assert!(scene.notes.iter().any(|other| other == note), "{note}: {:?}", scene.notes);
+    }
 }
 
 #[test]

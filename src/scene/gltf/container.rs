@@ -47,6 +47,9 @@ pub fn read_capped(file: &mut File, cap: u64) -> io::Result<Vec<u8>> {
 
 /// The JSON text, and the binary chunk if there is one.
 pub fn split<'a>(bytes: &'a [u8], file: &Path, notes: &Notes) -> Result<(&'a [u8], Option<&'a [u8]>)> {
+    if bytes.is_empty() {
+        return Err(Error::scene(file, "file", "is empty"));
+    }
     if !bytes.starts_with(b"glTF") {
         return match bytes.strip_prefix(b"\xef\xbb\xbf") {
             Some(text) => {
@@ -71,7 +74,7 @@ pub fn split<'a>(bytes: &'a [u8], file: &Path, notes: &Notes) -> Result<(&'a [u8
     if length < bytes.len() {
         notes.add("trailing bytes", || format!("{} bytes after the end are ignored", bytes.len() - length));
     }
-    let (json_type, json, rest) = chunk(&bytes[HEADER..length], file)?;
+    let (json_type, json, rest) = chunk(&bytes[HEADER..length], 0, file)?;
     if json_type != JSON_CHUNK {
         return Err(Error::scene(file, "GLB chunk 0", "not the JSON chunk"));
     }
@@ -79,7 +82,7 @@ pub fn split<'a>(bytes: &'a [u8], file: &Path, notes: &Notes) -> Result<(&'a [u8
         return Ok((json, None));
     }
     // Only the second chunk may be the buffer; unknown chunks are to be ignored.
-    let (kind, data, rest) = chunk(rest, file)?;
+    let (kind, data, rest) = chunk(rest, 1, file)?;
     let bin = (kind == BIN_CHUNK).then_some(data);
     if bin.is_none() || !rest.is_empty() {
         notes.add("GLB chunks", || "chunks other than the first JSON and BIN are ignored".into());
@@ -87,13 +90,16 @@ pub fn split<'a>(bytes: &'a [u8], file: &Path, notes: &Notes) -> Result<(&'a [u8
     Ok((json, bin))
 }
 
-/// Type, data and rest of the chunk at the head of `bytes`.
-fn chunk<'a>(bytes: &'a [u8], file: &Path) -> Result<(&'a [u8], &'a [u8], &'a [u8])> {
-    let broken = |problem: &str| Error::scene(file, "GLB chunk", problem);
-    let (header, rest) =
-        bytes.split_at_checked(CHUNK_HEADER).ok_or_else(|| broken("the file ends inside a chunk header"))?;
+/// Type, data and rest of chunk `number`, which is at the head of `bytes`.
+fn chunk<'a>(bytes: &'a [u8], number: u32, file: &Path) -> Result<(&'a [u8], &'a [u8], &'a [u8])> {
+    let broken = |problem: String| Error::scene(file, format!("GLB chunk {number}"), problem);
+    let (header, rest) = bytes.split_at_checked(CHUNK_HEADER).ok_or_else(|| {
+        // Which of the lengths before it is the wrong one, nothing tells.
+        broken(format!("{} bytes are left, too few for its header: a length before it is wrong", bytes.len()))
+    })?;
     let length = u32::from_le_bytes([header[0], header[1], header[2], header[3]]) as usize;
-    let (data, rest) =
-        rest.split_at_checked(length).ok_or_else(|| broken("longer than the rest of the file"))?;
+    let (data, rest) = rest
+        .split_at_checked(length)
+        .ok_or_else(|| broken(format!("{length} bytes long, but {} are left", rest.len())))?;
     Ok((&header[4..], data, rest))
 }

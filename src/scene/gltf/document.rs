@@ -4,6 +4,7 @@ use std::path::Path;
 
 use glam::DAffine3;
 use gltf::json::Root;
+use serde::Deserialize;
 use serde_json::Value;
 
 use super::Limits;
@@ -45,10 +46,12 @@ impl Document {
         if estimated_memory(json) > MAX_JSON_MEMORY {
             return Err(refuse("JSON", "too many values; move data into binary buffers".into()));
         }
-        // Some writers pad the JSON chunk with zeros instead of spaces.
-        let end = json.iter().rposition(|&byte| byte != 0).map_or(0, |last| last + 1);
+        let json = without_padding(json);
+        if json.is_empty() {
+            return Err(refuse("JSON", "is empty".into()));
+        }
         let mut tree: Value =
-            serde_json::from_slice(&json[..end]).map_err(|error| refuse("JSON", error.to_string()))?;
+            serde_json::from_slice(json).map_err(|error| refuse("JSON", error.to_string()))?;
 
         let required = names(&tree, "extensionsRequired");
         let unsupported: Vec<_> = required.iter().filter(|name| !supported(name)).cloned().collect();
@@ -79,6 +82,28 @@ impl Document {
         let quantized = required.iter().chain(&used).any(|name| name == "KHR_mesh_quantization");
         Ok(Self { root, locals, quantized })
     }
+}
+
+/// URIs of buffers and images, with nothing else of `json` kept; none where it cannot be read.
+pub fn uris(json: &[u8]) -> Vec<String> {
+    #[derive(Default, Deserialize)]
+    #[serde(default)]
+    struct Listed {
+        buffers: Vec<Named>,
+        images: Vec<Named>,
+    }
+    #[derive(Deserialize)]
+    struct Named {
+        uri: Option<String>,
+    }
+    let Listed { buffers, images } = serde_json::from_slice(without_padding(json)).unwrap_or_default();
+    buffers.into_iter().chain(images).filter_map(|named| named.uri).collect()
+}
+
+/// Some writers pad the JSON chunk with zeros instead of spaces.
+fn without_padding(json: &[u8]) -> &[u8] {
+    let end = json.iter().rposition(|&byte| byte != 0).map_or(0, |last| last + 1);
+    &json[..end]
 }
 
 fn supported(name: &str) -> bool {

@@ -50,7 +50,7 @@ fn convert(
 ) -> Result<Material> {
     let source = &document.root.materials[index];
     let name = source.name.clone().unwrap_or_else(|| format!("material {index}"));
-    let owner = format!("material {name}");
+    let owner = source.name.as_ref().map_or_else(|| name.clone(), |name| format!("material {name}"));
     let range = Range { file, index, owner: &owner, notes };
     let mut slot = |reference: Option<super::textures::Reference>, srgb: bool| {
         reference.and_then(|reference| textures.slot(&document.root, reference, srgb, &owner, notes))
@@ -137,6 +137,12 @@ fn convert(
     })
 }
 
+/// One number, or several as the file writes them.
+fn shown(values: &[f32]) -> String {
+    let words: Vec<String> = values.iter().map(f32::to_string).collect();
+    if let [word] = &words[..] { word.clone() } else { format!("[{}]", words.join(", ")) }
+}
+
 /// Brings the numbers of one material into range, with a note, and refuses those that are not numbers.
 struct Range<'a> {
     file: &'a Path,
@@ -158,7 +164,8 @@ impl Range<'_> {
         let clamped = values.map(|value| value.clamp(low, high));
         if clamped != values {
             self.notes.add("materials", || {
-                format!("{}: {property} {values:?} is out of range: {clamped:?} is used", self.owner)
+                let (given, used) = (shown(&values), shown(&clamped));
+                format!("{}: {property} {given} is out of range: {used} is used", self.owner)
             });
         }
         Ok(clamped)

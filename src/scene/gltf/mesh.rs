@@ -17,7 +17,7 @@ use super::document::Document;
 use super::materials::MaterialMap;
 use super::nodes::Nodes;
 use super::notes::Notes;
-use super::piece::{Attributes, Piece};
+use super::piece::{Attributes, Dropped, Piece};
 use super::{tangents, triangles};
 use crate::error::{Error, Result};
 use crate::scene::mesh::MAX_REACH;
@@ -83,12 +83,17 @@ impl Parts {
         self.list.iter().map(|part| part.mesh).collect()
     }
 
-    /// Why a scene without a single face is refused.
-    pub fn nothing_to_draw(&self) -> String {
+    /// Why a scene without a single face is refused, of whose faces these were dropped.
+    pub fn nothing_to_draw(&self, dropped: Dropped) -> String {
+        let why = match dropped {
+            Dropped { not_finite: 0, .. } => "is degenerate",
+            Dropped { without_area: 0, .. } => "has a position that is NaN or infinite",
+            _ => "is degenerate or has a position that is NaN or infinite",
+        };
         match (self.list.len(), self.other_primitives) {
             (0, 0) => "nothing to draw: no node shows a mesh".into(),
             (0, count) => format!("nothing to draw: all {count} primitives are points, lines or empty"),
-            (count, _) => format!("nothing to draw: every triangle of {count} primitives is degenerate"),
+            (count, _) => format!("nothing to draw: every triangle of {count} primitives {why}"),
         }
     }
 }
@@ -140,6 +145,8 @@ pub struct Assembly {
     pub objects: Vec<Object>,
     /// The node of each object.
     pub nodes: Vec<usize>,
+    /// Faces that cannot be drawn.
+    pub dropped: Dropped,
 }
 
 /// Reads the parts of one file.
@@ -178,8 +185,13 @@ pub fn assemble(
     }
 
     let origin = reading.centre(parts, &skins)?;
-    let mut assembly =
-        Assembly { origin, geometry: Geometry::default(), objects: Vec::new(), nodes: Vec::new() };
+    let mut assembly = Assembly {
+        origin,
+        geometry: Geometry::default(),
+        objects: Vec::new(),
+        nodes: Vec::new(),
+        dropped: Dropped::default(),
+    };
     let mut effort_left = tangents::MAX_EFFORT;
     for part in &parts.list {
         let primitive = part.primitive(root);
@@ -208,12 +220,11 @@ pub fn assemble(
             );
             return Err(reading.refuse(part, "attributes.POSITION", problem));
         }
-        let dropped = repeated + piece.drop_degenerate();
-        if dropped > 0 {
-            reading
-                .notes
-                .add("degenerate faces", || format!("{name}: {dropped} faces without area are dropped"));
-        }
+        let mut dropped = piece.drop_degenerate();
+        dropped.without_area += repeated;
+        note_dropped(dropped, &name, reading.notes);
+        assembly.dropped.without_area += dropped.without_area;
+        assembly.dropped.not_finite += dropped.not_finite;
         if piece.faces.is_empty() {
             continue;
         }
@@ -253,6 +264,18 @@ pub fn assemble(
     }
     super::piece::pad(&mut assembly.geometry);
     Ok(assembly)
+}
+
+fn note_dropped(dropped: Dropped, name: &str, notes: &Notes) {
+    let Dropped { without_area, not_finite } = dropped;
+    if without_area > 0 {
+        notes.add("degenerate faces", || format!("{name}: {without_area} faces without area are dropped"));
+    }
+    if not_finite > 0 {
+        notes.add("faces at no finite place", || {
+            format!("{name}: {not_finite} faces with a position that is NaN or infinite are dropped")
+        });
+    }
 }
 
 impl Reading<'_> {

@@ -85,11 +85,10 @@ pub fn load(path: &Path, limits: &Limits) -> Result<Scene> {
 pub fn files_beside(path: &Path, limits: &Limits) -> Vec<PathBuf> {
     let Ok(bytes) = container::read_file(path, limits.max_file_bytes) else { return Vec::new() };
     let json = container::split(&bytes, path, &Notes::default()).map(|(json, _)| json).unwrap_or_default();
-    let root: serde_json::Value = serde_json::from_slice(json).unwrap_or_default();
-    let named = ["buffers", "images"].into_iter().filter_map(|key| root[key].as_array()).flatten();
-    let uris = named.filter_map(|object| object["uri"].as_str());
     let folder = path.parent().unwrap_or(Path::new(""));
-    uris.filter_map(uri::relative_path_of).map(|relative| folder.join(relative)).collect()
+    let uris = document::uris(json);
+    let relative = uris.iter().filter_map(|uri| uri::relative_path_of(uri));
+    relative.map(|relative| folder.join(relative)).collect()
 }
 
 /// Loads glTF from memory.
@@ -124,7 +123,7 @@ fn read(bytes: &[u8], folder: Option<&Path>, file: &Path, limits: &Limits) -> Re
         mesh::Reading { root: &document.root, buffers: &buffers, nodes: &nodes, file, notes: &notes };
     let mut assembly = mesh::assemble(&reading, &parts, &materials, &material_of)?;
     if assembly.objects.is_empty() && !document.root.scenes.is_empty() {
-        return Err(Error::scene(file, "scene", parts.nothing_to_draw()));
+        return Err(Error::scene(file, "scene", parts.nothing_to_draw(assembly.dropped)));
     }
     for (object, node) in assembly.objects.iter_mut().zip(&assembly.nodes) {
         let own = nodes::vt_extra(&document.root.nodes[*node].extras);

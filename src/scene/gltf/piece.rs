@@ -27,6 +27,15 @@ pub struct Piece {
     pub faces: Vec<[u32; 3]>,
 }
 
+/// How many faces cannot be drawn, and why.
+#[derive(Debug, Clone, Copy, Default, PartialEq, Eq)]
+pub struct Dropped {
+    /// Those without area.
+    pub without_area: usize,
+    /// Those with a vertex that is NaN or infinite, or is so once placed.
+    pub not_finite: usize,
+}
+
 /// Attributes that need no transform.
 pub struct Attributes<'a> {
     uvs: [Option<Reader<'a>>; 2],
@@ -77,18 +86,19 @@ impl Piece {
         largest.reduce(f32::max).filter(|&largest| largest > MAX_REACH)
     }
 
-    /// Drops the faces without area and returns how many they were.
-    pub fn drop_degenerate(&mut self) -> usize {
-        let before = self.faces.len();
+    /// Drops the faces that cannot be drawn and returns how many they were.
+    pub fn drop_degenerate(&mut self) -> Dropped {
+        let mut dropped = Dropped::default();
         let positions = &self.positions;
         self.faces.retain(|face| {
             let normal = area_normal(positions, *face);
-            normal.is_finite()
-                && normal != Vec3::ZERO
-                && face.iter().all(|&v| positions[v as usize].is_finite())
+            let is_placed = face.iter().all(|&v| positions[v as usize].is_finite());
+            let has_area = normal.is_finite() && normal != Vec3::ZERO;
+            dropped.not_finite += usize::from(!is_placed);
+            dropped.without_area += usize::from(is_placed && !has_area);
+            is_placed && has_area
         });
-        let dropped = before - self.faces.len();
-        if dropped > 0 {
+        if dropped != Dropped::default() {
             let kept = compact(&mut self.faces);
             self.select(&kept);
         }

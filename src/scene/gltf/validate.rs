@@ -260,10 +260,15 @@ fn camera_lens(camera: &gltf::json::Camera) -> Result<(), String> {
             if !(lens.yfov > 0.0 && lens.yfov < std::f32::consts::PI) {
                 return Err(format!("yfov is {} and must lie between 0 and π", lens.yfov));
             }
-            if !(lens.znear > 0.0 && lens.zfar.is_none_or(|zfar| zfar > lens.znear)) {
-                return Err(format!("znear {} and zfar {:?} do not ascend from 0", lens.znear, lens.zfar));
+            let near = lens.znear;
+            match lens.zfar {
+                Some(far) if near > 0.0 && far > near => Ok(()),
+                None if near > 0.0 => Ok(()),
+                Some(far) => Err(format!(
+                    "znear is {near} and zfar {far}: the one must be above 0, the other beyond it"
+                )),
+                None => Err(format!("znear is {near} and must be above 0")),
             }
-            Ok(())
         }
         (Checked::Valid(Type::Orthographic), _, Some(lens)) => {
             let usable = |magnitude: f32| magnitude != 0.0 && magnitude.is_finite();
@@ -271,7 +276,10 @@ fn camera_lens(camera: &gltf::json::Camera) -> Result<(), String> {
                 return Err(format!("xmag {} and ymag {} must be finite and not 0", lens.xmag, lens.ymag));
             }
             if !(lens.znear >= 0.0 && lens.zfar > lens.znear) {
-                return Err(format!("znear {} and zfar {} do not ascend from 0", lens.znear, lens.zfar));
+                let (near, far) = (lens.znear, lens.zfar);
+                return Err(format!(
+                    "znear is {near} and zfar {far}: the one must be 0 or more, the other beyond it"
+                ));
             }
             Ok(())
         }
@@ -351,7 +359,24 @@ fn attributes(document: &Document, primitive: &Primitive) -> Result<(), Refusal>
 fn shown(format: Option<Format>) -> String {
     format.map_or("an unknown format".into(), |format| {
         let normalized = if format.normalized { "normalised " } else { "" };
-        format!("{:?} of {normalized}{:?}", format.kind, format.component)
+        let component = match format.component {
+            ComponentType::I8 => "signed bytes",
+            ComponentType::U8 => "unsigned bytes",
+            ComponentType::I16 => "signed shorts",
+            ComponentType::U16 => "unsigned shorts",
+            ComponentType::U32 => "unsigned integers",
+            ComponentType::F32 => "floats",
+        };
+        let kind = match format.kind {
+            Type::Scalar => "SCALAR",
+            Type::Vec2 => "VEC2",
+            Type::Vec3 => "VEC3",
+            Type::Vec4 => "VEC4",
+            Type::Mat2 => "MAT2",
+            Type::Mat3 => "MAT3",
+            Type::Mat4 => "MAT4",
+        };
+        format!("{kind} of {normalized}{component}")
     })
 }
 
