@@ -1,5 +1,6 @@
 //! `vtrace bench`: error against run time, in one command.
 
+use std::ffi::OsStr;
 use std::path::{Path, PathBuf};
 use std::sync::Mutex;
 
@@ -8,6 +9,7 @@ use clap::{Args, value_parser};
 use super::{
     Failure,
     args::{PathArgs, SceneArgs, ThreadArgs, ViewArgs},
+    files::{self, Folder, Inputs},
     scene, terminal, values,
 };
 use crate::{
@@ -132,7 +134,8 @@ impl BenchArgs {
             device: self.device.clone(),
             ..Options::default()
         };
-        options.check().map_err(|problem| Failure::conflict("bench", problem))?;
+        let checked = options.check().and_then(|()| self.check_files(&options));
+        checked.map_err(|problem| Failure::conflict("bench", problem))?;
         Ok(Ladder {
             options,
             samples: self.samples.clone(),
@@ -145,6 +148,19 @@ impl BenchArgs {
             min_throughput: self.paths.min_throughput,
         })
     }
+
+    /// Checks that no result takes the place of what is read.
+    fn check_files(&self, options: &Options) -> Result<(), String> {
+        let compared = self.compare.iter().map(|from| (from.name.as_str(), from.image.as_path())).collect();
+        let results: Vec<_> = files::entries(&self.out, is_result).map(|path| ("--out", path)).collect();
+        Inputs { compared, ..Inputs::for_scene(&self.scene, &options.scene) }.check_kept(&results)
+    }
+}
+
+/// Whether [`write`] gives a file this name.
+fn is_result(name: &OsStr) -> bool {
+    let fixed = ["bench.csv", "scaling.csv", "bench.json", "index.html"].iter().any(|fixed| name == *fixed);
+    fixed || Path::new(name).extension().is_some_and(|extension| extension == "svg")
 }
 
 pub(super) fn run(args: &BenchArgs) -> Result<(), Failure> {
@@ -155,7 +171,7 @@ pub(super) fn run(args: &BenchArgs) -> Result<(), Failure> {
     let view = ladder.options.view.resolve(&scene)?;
     scene.add_default_lights(&view);
     let gpu = Gpu::new(&gpu::Options { device: ladder.options.device.clone(), validation: false })?;
-    std::fs::create_dir_all(folder).map_err(Error::io(folder))?;
+    let _made = Folder::make(folder)?;
     check_writable(&folder.join("index.html"))?;
 
     let interrupt = terminal::interrupt();

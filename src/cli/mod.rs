@@ -8,6 +8,7 @@ pub mod args;
 mod bench;
 mod compare;
 mod devices;
+mod files;
 pub mod output;
 mod plan;
 #[cfg(feature = "bench")]

@@ -30,6 +30,13 @@ impl OutputArgs {
         self.stats.as_deref() == Some(Path::new("-"))
     }
 
+    /// The files that are written, each with the option that names it.
+    pub fn results(&self, image: Option<&Path>) -> Vec<(&'static str, PathBuf)> {
+        let stats = self.stats.as_deref().filter(|_| !self.stats_on_stdout());
+        let named = [("--output", image), ("--stats", stats)].into_iter();
+        named.filter_map(|(option, path)| Some((option, path?.to_path_buf()))).collect()
+    }
+
     /// Checks that no two of the options in `named`, each with its path, and `--stats` name one file.
     ///
     /// # Errors

@@ -4,7 +4,12 @@ use std::path::PathBuf;
 
 use clap::Args;
 
-use super::{args::ThreadArgs, scene, terminal, values};
+use super::{
+    Failure,
+    args::ThreadArgs,
+    files::{self, Folder, Inputs},
+    scene, terminal, values,
+};
 use crate::{
     error::{Error, Result},
     gpu::{Gpu, Options as DeviceOptions},
@@ -49,12 +54,20 @@ pub struct ProfileArgs {
     threads: ThreadArgs,
 }
 
-pub(super) fn run(args: &ProfileArgs) -> Result<()> {
-    args.threads.apply()?;
-    let scene = scene::load(&args.scene, &SceneOptions::default())?;
+/// Files that are written into the folder `--out`.
+const RESULTS: [&str; 3] = ["profile.json", "profile.txt", "profile.svg"];
+
+pub(super) fn run(args: &ProfileArgs) -> Result<(), Failure> {
+    let options = SceneOptions::default();
     if let Some(folder) = &args.out {
-        std::fs::create_dir_all(folder).map_err(Error::io(folder))?;
+        let results = files::entries(folder, |name| RESULTS.iter().any(|result| name == *result));
+        let results: Vec<_> = results.map(|path| ("--out", path)).collect();
+        let kept = Inputs::for_scene(&args.scene, &options).check_kept(&results);
+        kept.map_err(|problem| Failure::conflict("profile", problem))?;
     }
+    args.threads.apply()?;
+    let scene = scene::load(&args.scene, &options)?;
+    let _made = args.out.as_deref().map(Folder::make).transpose()?;
     let gpu = Gpu::new(&DeviceOptions { device: args.device.clone(), ..DeviceOptions::default() })?;
     let plan = if args.quick { measure::Plan::quick() } else { measure::Plan::full() };
     let bar = terminal::Progress::new("measuring");
@@ -62,16 +75,18 @@ pub(super) fn run(args: &ProfileArgs) -> Result<()> {
     drop(bar);
     let json = format!("{:#}\n", serde_json::json!(profile));
     if let Some(folder) = &args.out {
-        write_file(&folder.join("profile.json"), json.as_bytes())?;
-        write_file(&folder.join("profile.txt"), profile.to_string().as_bytes())?;
-        write_plot(&folder.join("profile.svg"), &profile)?;
+        let [data, table, plot] = RESULTS.map(|name| folder.join(name));
+        write_file(&data, json.as_bytes())?;
+        write_file(&table, profile.to_string().as_bytes())?;
+        write_plot(&plot, &profile)?;
     }
     terminal::print(&if args.json { json } else { profile.to_string() })?;
     let Some(room) = args.check else { return Ok(()) };
     match profile.bounds.iter().find(|bound| bound.promised && bound.ratio > f64::from(room) * bound.most) {
         Some(bound) => Err(Error::Bound(format!(
             "{bound}, with room for {room} times as much; on a machine with other work to do, try again"
-        ))),
+        ))
+        .into()),
         None => Ok(()),
     }
 }

@@ -7,6 +7,7 @@ use clap::{Args, value_parser};
 use super::{
     Failure,
     args::{PathArgs, SceneArgs, ThreadArgs, ViewArgs},
+    files::Inputs,
     output::OutputArgs,
     scene, terminal, values,
 };
@@ -72,8 +73,10 @@ impl ReferenceArgs {
             packets: self.packets,
             ray_offset: self.ray_offset,
         };
+        let inputs = Inputs::for_scene(&self.scene, &options.scene);
         let distinct = self.out.check_distinct(&[("--output", Some(&self.output))]);
         distinct
+            .and_then(|()| inputs.check_kept(&self.out.results(Some(&self.output))))
             .and_then(|()| options.view.check())
             .and_then(|()| options.scene.check())
             .map_err(|problem| Failure::conflict("reference", problem))?;

@@ -1,17 +1,22 @@
 //! `vtrace render`: the picture by vertex tracing.
 
-use std::{path::PathBuf, time::Instant};
+use std::{
+    ffi::OsStr,
+    path::{Path, PathBuf},
+    time::Instant,
+};
 
 use clap::Args;
 
 use super::{
     Failure,
     args::{EffortArgs, MethodArgs, PathArgs, SceneArgs, ThreadArgs, ViewArgs},
+    files::{self, Folder, Inputs},
     output::OutputArgs,
     scene, terminal, values,
 };
 use crate::{
-    error::{Error, Result},
+    error::Result,
     frame::{Observer, Renderer, Step},
     gpu::{self, Gpu},
     options::{Options, Show},
@@ -46,8 +51,8 @@ pub struct RenderArgs {
     pub what: SceneArgs,
     #[command(flatten)]
     pub out: OutputArgs,
-    /// Write an image after every refinement step into this folder
-    #[arg(long, value_name = "DIR", help_heading = "Output")]
+    /// Write an image after every refinement step into this folder; made if absent
+    #[arg(long, value_name = "DIR", help_heading = "Output", conflicts_with = "show")]
     pub progressive: Option<PathBuf>,
     /// Show the method's data in place of the image
     #[arg(long, help_heading = "Output", value_parser = values::choice::<Show>())]
@@ -81,17 +86,47 @@ impl RenderArgs {
         options.check()?;
         Ok(options)
     }
+
+    /// Checks that no result takes the place of another, or of what is read.
+    fn check_files(&self, options: &Options) -> Result<(), String> {
+        let (image, steps) = (self.output.as_deref(), self.progressive.as_deref());
+        self.out.check_distinct(&[("--output", image), ("--progressive", steps)])?;
+        let mut results = self.out.results(image);
+        if let Some(folder) = steps {
+            if let Some((option, path)) =
+                results.iter().find(|(_, path)| files::is_entry(path, folder, is_step))
+            {
+                let path = path.display();
+                return Err(format!("{option} names one of the images of --progressive, {path}"));
+            }
+            results.extend(files::entries(folder, is_step).map(|path| ("--progressive", path)));
+        }
+        Inputs::for_scene(&self.scene, &options.scene).check_kept(&results)
+    }
+}
+
+/// The file in `folder` for the image after a refinement step.
+fn step_file(folder: &Path, number: u32) -> PathBuf {
+    folder.join(format!("step_{number:04}.png"))
+}
+
+/// Whether a file of this name is the image of a step.
+fn is_step(name: &OsStr) -> bool {
+    let number =
+        name.to_str().and_then(|name| name.strip_prefix("step_")?.strip_suffix(".png")?.parse().ok());
+    number.is_some_and(|number| step_file(Path::new(""), number) == Path::new(name))
 }
 
 pub(super) fn run(args: &RenderArgs) -> Result<(), Failure> {
-    let named = [("--output", args.output.as_deref()), ("--progressive", args.progressive.as_deref())];
-    let options = args.out.check_distinct(&named).and_then(|()| args.options());
+    let options = args.options().and_then(|options| {
+        args.check_files(&options)?;
+        Ok(options)
+    });
     let options = options.map_err(|problem| Failure::conflict("render", problem))?;
     args.threads.apply()?;
+    // Before the other results are checked, which may go into it.
+    let _steps = args.progressive.as_deref().map(Folder::make).transpose()?;
     args.out.check(args.output.as_deref())?;
-    if let Some(folder) = &args.progressive {
-        std::fs::create_dir_all(folder).map_err(Error::io(folder))?;
-    }
 
     let start = Instant::now();
     let mut scene = scene::load(&args.scene, &options.scene)?;
@@ -104,10 +139,7 @@ pub(super) fn run(args: &RenderArgs) -> Result<(), Failure> {
     renderer.set_interrupt(terminal::interrupt());
     let warmup = renderer.warm_up(&view)?;
     let mut save = |step: &Step| match &args.progressive {
-        Some(folder) => {
-            let file = folder.join(format!("step_{:04}.png", step.number));
-            write_image(&file, &step.image, args.out.exposure)
-        }
+        Some(folder) => write_image(&step_file(folder, step.number), &step.image, args.out.exposure),
         None => Ok(()),
     };
     let observer: Option<Observer> = args.progressive.is_some().then_some(&mut save);

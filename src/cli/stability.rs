@@ -4,7 +4,7 @@ use std::path::PathBuf;
 
 use clap::Args;
 
-use super::{Failure, args::ThreadArgs, terminal};
+use super::{Failure, args::ThreadArgs, files::Folder, terminal};
 use crate::{
     error::{Error, Result},
     gpu::{Gpu, Options as DeviceOptions},
@@ -45,9 +45,7 @@ pub(super) fn run(args: &StabilityArgs) -> Result<(), Failure> {
         return Err(Failure::conflict("stability", problem));
     }
     args.threads.apply()?;
-    if let Some(folder) = &args.out {
-        std::fs::create_dir_all(folder).map_err(Error::io(folder))?;
-    }
+    let _made = args.out.as_deref().map(Folder::make).transpose()?;
     let gpu = Gpu::new(&DeviceOptions { device: args.device.clone(), ..DeviceOptions::default() })?;
     let plan = if args.quick { measure::Plan::quick() } else { measure::Plan::full() };
     let plan = measure::Plan { only: args.only.clone(), ..plan };

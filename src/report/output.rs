@@ -1,6 +1,7 @@
 //! Writing images and reports: whole files or none.
 
 use std::{
+    ffi::OsString,
     fs::{OpenOptions, Permissions},
     io::{Cursor, ErrorKind, Write},
     path::{Path, PathBuf, absolute},
@@ -152,14 +153,14 @@ pub fn check_writable(path: &Path) -> Result<()> {
 
 /// Whether `a` and `b` lead to one file, there already or not yet. Not so of pipes and devices, which take what comes.
 pub fn same_file(a: &Path, b: &Path) -> bool {
-    let file = |path: &Path| match place(path) {
-        Ok(Place::File(target)) => {
-            let folder = std::fs::canonicalize(folder_of(&target)).or_else(|_| absolute(folder_of(&target)));
-            folder.ok().zip(target.file_name().map(ToOwned::to_owned))
-        }
-        _ => None,
-    };
-    file(a).is_some_and(|a| Some(a) == file(b))
+    leads_to(a).is_some_and(|a| Some(a) == leads_to(b))
+}
+
+/// The folder and the name of the file that `path` leads to, there already or not yet; `None` of pipes and devices.
+pub fn leads_to(path: &Path) -> Option<(PathBuf, OsString)> {
+    let Ok(Place::File(target)) = place(path) else { return None };
+    let folder = std::fs::canonicalize(folder_of(&target)).or_else(|_| absolute(folder_of(&target)));
+    folder.ok().zip(target.file_name().map(ToOwned::to_owned))
 }
 
 /// What a path leads to.
