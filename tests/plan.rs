@@ -6,6 +6,8 @@ mod measure;
 #[path = "../examples/ladder/rungs.rs"]
 mod rungs;
 
+use std::time::{Duration, Instant};
+
 use common::TestGpu;
 use glam::{Vec3, vec3, vec4};
 use measure::{Counts, Taken, plain, take, take_scene};
@@ -213,6 +215,27 @@ fn mirrors_that_cannot_see_each_other_need_one_bounce() {
         scene.mesh("ball", shape::sphere(vec3(0.0, 0.5, -2.0), 0.4, 1), metal);
     });
     assert_eq!(depth(&round), options().paths.depth);
+}
+
+/// The plan of `scene`, which must not cost the square of anything: that would take minutes.
+fn soon(scene: &Scene) -> Plan {
+    let start = Instant::now();
+    let plan = Plan::new(scene, &options());
+    assert!(start.elapsed() < Duration::from_secs(5), "{}: {:?}", scene.name, start.elapsed());
+    plan
+}
+
+#[test]
+fn a_flat_part_of_many_faces_too_small_for_a_patch_is_looked_at_once() {
+    let small = shape::grid(Vec3::Y, Vec3::X * 0.01, Vec3::Z * 0.01, 1.0, 100, 100);
+    let large = shape::plane(Vec3::ZERO, Vec3::X, Vec3::Y, 1.0);
+    let many_faces = scene_with(|scene| {
+        let plaster = scene.material(matte("plaster"));
+        scene.mesh("wall with a flat part too small for a patch", large.merged(&small), plaster);
+    });
+    let targets = soon(&many_faces).targets;
+    let of_small = targets.of(many_faces.geometry.faces.len() as u32 - 1);
+    assert!(targets.targets[of_small as usize].patch.is_none(), "a part of a chart");
 }
 
 #[test]

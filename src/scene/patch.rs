@@ -73,8 +73,10 @@ impl Targets {
             let pierced = is_pierced(scene, object);
             if can_be_planar(material) && !pierced {
                 let total: f64 = faces.clone().map(|f| f64::from(geometry.area_normal(f).length())).sum();
+                // Faces of groups too small: each would flood its whole group again.
+                let mut small = vec![false; faces.len()];
                 for seed in faces.clone() {
-                    if of_face[seed as usize] != u32::MAX {
+                    if of_face[seed as usize] != u32::MAX || small[(seed - faces.start) as usize] {
                         continue;
                     }
                     let Some(plane) = Plane::of_face(scene, material, seed) else { continue };
@@ -83,6 +85,7 @@ impl Targets {
                     });
                     let area: f64 = group.iter().map(|&f| f64::from(geometry.area_normal(f).length())).sum();
                     if area < total * MIN_PATCH_AREA {
+                        group.iter().for_each(|&face| small[(face - faces.start) as usize] = true);
                         continue;
                     }
                     for &face in &group {
