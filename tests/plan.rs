@@ -19,7 +19,7 @@ use vertex_tracing::{
     plan::{Plan, Summary},
     report::metrics::{Encoding, compare},
     scene::{
-        Camera, Material, Sampler, Scene, Unread,
+        AlphaMode, Camera, Material, Sampler, Scene, Unread,
         demo::{SceneBuilder, chrome, glass, matte, shape, texture},
     },
 };
@@ -236,6 +236,19 @@ fn a_flat_part_of_many_faces_too_small_for_a_patch_is_looked_at_once() {
     let targets = soon(&many_faces).targets;
     let of_small = targets.of(many_faces.geometry.faces.len() as u32 - 1);
     assert!(targets.targets[of_small as usize].patch.is_none(), "a part of a chart");
+}
+
+#[test]
+fn a_mask_is_read_once_whatever_shows_it() {
+    let many_masks = scene_with(|scene| {
+        let leaf = scene.texture(texture::chessboard(1024));
+        let leaf =
+            scene.material(Material { alpha_mode: AlphaMode::Mask(0.5), ..matte("leaf").textured(leaf) });
+        for index in 0..20_000 {
+            scene.mesh("leaf", shape::plane(vec3(index as f32, 0.0, 9.0), Vec3::X, Vec3::Y, 1.0), leaf);
+        }
+    });
+    soon(&many_masks);
 }
 
 #[test]

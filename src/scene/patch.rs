@@ -66,11 +66,12 @@ impl Targets {
         let geometry = &scene.geometry;
         let mut targets = vec![Target { material: u32::MAX, patch: None, pierced: false }];
         let mut of_face = vec![u32::MAX; geometry.faces.len()];
+        let least_alphas = least_alphas(scene);
         for object in &scene.objects {
             let faces = object.faces.clone();
             let material = &scene.materials[object.material as usize];
             let mut adjacency = Adjacency::new(scene, topology, faces.clone());
-            let pierced = is_pierced(scene, object);
+            let pierced = is_pierced(scene, object, &least_alphas);
             if can_be_planar(material) && !pierced {
                 let total: f64 = faces.clone().map(|f| f64::from(geometry.area_normal(f).length())).sum();
                 // Faces of groups too small: each would flood its whole group again.
@@ -128,16 +129,27 @@ impl Targets {
     }
 }
 
+/// By texture: the least alpha of its image, where a mask of some material reads it.
+fn least_alphas(scene: &Scene) -> Vec<Option<u8>> {
+    let mut of_image = vec![None; scene.images.len()];
+    let mut of_texture = vec![None; scene.textures.len()];
+    for material in scene.materials.iter().filter(|it| matches!(it.alpha_mode, AlphaMode::Mask(_))) {
+        let Some(slot) = material.base_color_texture else { continue };
+        let image = scene.textures[slot.texture as usize].image as usize;
+        let alphas = || scene.images[image].rgba.iter().skip(3).step_by(4).copied();
+        let least = *of_image[image].get_or_insert_with(|| alphas().min().unwrap_or(u8::MAX));
+        of_texture[slot.texture as usize] = Some(least);
+    }
+    of_texture
+}
+
 /// Whether the alpha of an object with a mask is below its cutoff anywhere.
-fn is_pierced(scene: &Scene, object: &Object) -> bool {
+fn is_pierced(scene: &Scene, object: &Object, least_alphas: &[Option<u8>]) -> bool {
     let material = &scene.materials[object.material as usize];
     let AlphaMode::Mask(cutoff) = material.alpha_mode else { return false };
-    let texels = material.base_color_texture.map_or(u8::MAX, |slot| {
-        let image = &scene.images[scene.textures[slot.texture as usize].image as usize];
-        image.rgba.iter().skip(3).step_by(4).copied().min().unwrap_or(u8::MAX)
-    });
+    let texels = material.base_color_texture.and_then(|slot| least_alphas[slot.texture as usize]);
     let vertices = object.vertices.clone().map(|vertex| scene.geometry.color(vertex).w).fold(1.0, f32::min);
-    material.base_color.w * vertices * f32::from(texels) / 255.0 < cutoff
+    material.base_color.w * vertices * f32::from(texels.unwrap_or(u8::MAX)) / 255.0 < cutoff
 }
 
 /// Textures other than base colour and emission vary the shading within a patch.
