@@ -252,6 +252,18 @@ fn a_mask_is_read_once_whatever_shows_it() {
 }
 
 #[test]
+fn mirrors_are_not_held_against_each_other_in_pairs() {
+    let many_mirrors = scene_with(|scene| {
+        let metal = scene.material(chrome("metal of many", Vec3::splat(0.8)));
+        for index in 0..20_000 {
+            let corner = vec3(2.0 * index as f32, 0.0, -1.0);
+            scene.mesh("tile", shape::plane(corner, Vec3::X, Vec3::Y, 1.0), metal);
+        }
+    });
+    assert_eq!(soon(&many_mirrors).depth, 1, "all in one plane");
+}
+
+#[test]
 fn without_lights_no_shadow_ray_is_in_the_plan() {
     let dark = |ambient: f32| {
         let mut scene = scene_with(|_| {});

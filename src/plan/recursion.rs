@@ -13,6 +13,10 @@ use crate::scene::{Object, Scene};
 /// Distance from a plane, as a share of the extent of all specular faces, that a face in it may have.
 const FLAT: f32 = 1e-6;
 
+/// Most heights of corners above planes that are looked at beside those of the first normal, before the answer is that
+/// objects may meet: some tens of milliseconds, and more than a thousand flat mirrors that are all turned differently.
+const MOST_HEIGHTS: usize = 1 << 24;
+
 /// A flat specular object.
 struct Facet<'s> {
     object: &'s Object,
@@ -29,34 +33,53 @@ struct Facet<'s> {
 /// objects in different planes share a point, the normal there is none of theirs: no promise is made.
 pub fn can_meet(scene: &Scene, topology: &Topology) -> bool {
     let objects = || scene.objects.iter().filter(|object| object.vt && !object.faces.is_empty());
-    let corners = |object: &Object| {
-        object.faces.clone().flat_map(|face| scene.geometry.corners(face)).collect::<Vec<Vec3>>()
-    };
-    let (low, high) =
-        objects().flat_map(corners).fold((Vec3::INFINITY, Vec3::NEG_INFINITY), |(low, high), corner| {
-            (low.min(corner), high.max(corner))
-        });
-    let tolerance = FLAT * (high - low).length();
+    let corners_of = |object: &Object| object.faces.clone().flat_map(|face| scene.geometry.corners(face));
+    let corners = || objects().flat_map(corners_of);
+    let (low, high) = corners().fold((Vec3::INFINITY, Vec3::NEG_INFINITY), |(low, high), corner| {
+        (low.min(corner), high.max(corner))
+    });
+    let tolerance = f64::from(FLAT * (high - low).length());
     let Some(facets) = objects().map(|object| facet(scene, object)).collect::<Option<Vec<_>>>() else {
         return true;
     };
 
-    // Quadratic in the number of objects at worst; the first pair that sees each other ends it.
-    let height = |facet: &Facet, corner: Vec3| (corner - facet.origin).dot(facet.normal);
+    // By normal: how high all corners reach along it.
+    let mut spans: HashMap<[u32; 3], Span> = HashMap::new();
+    let corner_count = corners().count();
     let mut one_plane = true;
-    for from in &facets {
-        for to in &facets {
-            // An object that is not flat may see itself.
-            let both_sides = from.both_sides || std::ptr::eq(from, to);
-            for height in corners(to.object).into_iter().map(|corner| height(from, corner)) {
-                if height > tolerance || (both_sides && height < -tolerance) {
-                    return true;
-                }
-                one_plane &= height >= -tolerance;
-            }
+    for facet in &facets {
+        let normal = (facet.normal + 0.0).to_array().map(f32::to_bits); // -0.0 is 0.0
+        let all = *spans.entry(normal).or_insert_with(|| Span::along(facet.normal, corners()));
+        if (spans.len() - 1) * corner_count > MOST_HEIGHTS {
+            return true;
         }
+        let own = Span::along(facet.normal, corners_of(facet.object));
+        let height = facet.normal.as_dvec3().dot(facet.origin.as_dvec3());
+        // An object that is not flat may see itself.
+        let lowest_seen = if facet.both_sides { all.low } else { own.low };
+        if all.high - height > tolerance || lowest_seen - height < -tolerance {
+            return true;
+        }
+        one_plane &= all.low - height >= -tolerance;
     }
     !one_plane && share_a_point(scene, topology, &facets)
+}
+
+/// Lowest and highest of some points along a direction.
+#[derive(Clone, Copy)]
+struct Span {
+    low: f64,
+    high: f64,
+}
+
+impl Span {
+    fn along(direction: Vec3, points: impl Iterator<Item = Vec3>) -> Self {
+        let direction = direction.as_dvec3();
+        points.map(|point| direction.dot(point.as_dvec3())).fold(
+            Self { low: f64::INFINITY, high: f64::NEG_INFINITY },
+            |Self { low, high }, height| Self { low: low.min(height), high: high.max(height) },
+        )
+    }
 }
 
 /// The plane of an object, as its area is turned; `None` if it has no direction.
