@@ -210,6 +210,37 @@ fn instances_are_objects_of_their_own() {
 }
 
 #[test]
+fn objects_that_repeat_another_are_dropped_by_name() {
+    let nodes = json!([
+        {"mesh": 0, "name": "first"}, {"mesh": 0, "name": "moved", "translation": [5, 0, 0]},
+        {"mesh": 0, "name": "again"}, {"mesh": 0, "name": "forced", "extras": {"vt": true}},
+        {"mesh": 1, "name": "other material"}, {"mesh": 2, "name": "copied mesh"}, {"mesh": 3, "name": "turned over"}
+    ]);
+    let mut model = Model::triangle();
+    model.json["scenes"][0]["nodes"] = json!([0, 1, 2, 3, 4, 5, 6]);
+    model.json["nodes"] = nodes;
+    model.json["materials"] = json!([{}, {"doubleSided": true}]);
+    let mesh = model.json["meshes"][0].clone();
+    let turned = model.indices(&[0, 2, 1]);
+    model.json["meshes"] = json!([mesh, mesh, mesh, mesh]);
+    model.json["meshes"][1]["primitives"][0]["material"] = json!(1);
+    model.json["meshes"][3]["primitives"][0]["indices"] = json!(turned);
+    let scene = model.load();
+    assert_valid(&scene);
+    let names: Vec<&str> = scene.objects.iter().map(|object| object.name.as_str()).collect();
+    assert_eq!(names, ["first", "moved", "forced", "other material", "turned over"]);
+    assert_eq!(scene.geometry.faces.len(), 5);
+    assert_eq!(scene.objects[2].vt_extra, Some(true));
+    assert!(near(world(&scene, 1)[0], [5.0, 0.0, 0.0]) && near(world(&scene, 2)[0], [0.0, 0.0, 0.0]));
+    assert!(noted(&scene, "again: it repeats first"), "{:?}", scene.notes);
+    assert!(noted(&scene, "copied mesh: it repeats first"), "{:?}", scene.notes);
+
+    // Each layer of it covers more.
+    model.json["materials"][0]["alphaMode"] = json!("BLEND");
+    assert_eq!(model.load().objects.len(), 7);
+}
+
+#[test]
 fn degenerate_faces_are_dropped_by_name() {
     let mut model = Model::triangle();
     let corners = [0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0, 1.0, 0.0, 2.0, 0.0, 0.0, f32::NAN, 0.0, 0.0];
@@ -269,8 +300,9 @@ fn missing_attributes_are_neutral_beside_objects_that_have_them() {
     let uvs = model.floats("VEC2", &[0.5; 6]);
     let colors = model.floats("VEC3", &[0.5; 9]);
     let plain = json!({"attributes": {"POSITION": 0}});
+    let turned = json!({"attributes": {"POSITION": 0}, "indices": model.indices(&[0, 2, 1])});
     let full = json!({"attributes": {"POSITION": 0, "TEXCOORD_0": uvs, "COLOR_0": colors}});
-    model.json["meshes"][0]["primitives"] = json!([plain, full, plain]);
+    model.json["meshes"][0]["primitives"] = json!([plain, full, turned]);
     let scene = model.load();
     assert_valid(&scene);
     assert_eq!([0, 3, 6].map(|v| scene.geometry.uvs[0][v].x), [0.0, 0.5, 0.0]);

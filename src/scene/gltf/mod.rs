@@ -12,6 +12,7 @@ mod accessor;
 mod buffers;
 mod cameras;
 mod container;
+mod copies;
 mod deform;
 mod document;
 mod images;
@@ -129,6 +130,7 @@ fn read(bytes: &[u8], folder: Option<&Path>, file: &Path, limits: &Limits) -> Re
         let own = nodes::vt_extra(&document.root.nodes[*node].extras);
         object.vt_extra = own.or(materials[object.material as usize].vt_extra);
     }
+    copies::drop_copies(&mut assembly, &materials, &notes);
     let origin = assembly.origin;
     let cameras = cameras::placed(&document, &nodes, origin, &notes);
     let lights = lights::placed(&document, &nodes, origin, &notes);
