@@ -266,6 +266,29 @@ fn one_midpoint_for_both_sides_of_a_seam() {
 }
 
 #[test]
+fn faces_without_number_around_one_edge_are_not_bisected_together() {
+    use vertex_tracing::scene::demo::{SceneBuilder, matte, shape};
+    let mut builder = SceneBuilder::new("pile");
+    let material = builder.material(matte("white"));
+    let sheet = shape::plane(glam::Vec3::ZERO, glam::Vec3::X, glam::Vec3::Y, 1.0);
+    for _ in 0..100 {
+        builder.mesh("sheet", sheet.clone(), material);
+    }
+    builder.camera(Camera::look_at(glam::vec3(0.5, 0.5, 3.0), glam::vec3(0.5, 0.5, 0.0), 0.7));
+    let scene = builder.build().unwrap();
+    let (topology, view) = (Topology::new(&scene.geometry), view(&scene));
+    let seeds: Vec<u32> = (0..200).collect();
+    let mut mesh = Mesh::new(&scene, &topology, &view, &seeds);
+    let mut splits = Vec::new();
+    mesh.bisect(0, &mut splits);
+    assert!(splits.len() < 40, "{} of 200 faces around one edge", splits.len());
+    for _ in 0..3 {
+        (0..mesh.faces.len() as u32).for_each(|face| mesh.bisect(face, &mut splits));
+        mesh.validate();
+    }
+}
+
+#[test]
 fn bisection_ends_where_coordinates_do() {
     // Far from zero, where two neighbouring numbers are two units apart, and seen from close by. The face on the
     // other side keeps the scene's centre between them.

@@ -21,6 +21,10 @@ const UNITED: u32 = u32::MAX - 1;
 /// Shortest edge that is bisected, in roundings of its ends' largest coordinate.
 const SHORTEST_EDGE: f32 = 8.0;
 
+/// Most faces that are bisected together because they share an edge. Of more, which no surface has, as many at a time share
+/// one: bisecting costs the square of their number.
+const MOST_AROUND: usize = 32;
+
 /// A side of an edge: `face << 2 | edge`, where edge `i` runs from corner `i` to corner `i + 1`.
 type Side = u32;
 
@@ -198,7 +202,9 @@ impl Mesh {
             .collect();
         sides.sort_unstable();
         for group in sides.chunk_by(|a, b| a.0 == b.0) {
-            self.link_cycle(group.iter().map(|&(_, s)| s));
+            for sides in group.chunks(MOST_AROUND) {
+                self.link_cycle(sides.iter().map(|&(_, s)| s));
+            }
         }
     }
 
