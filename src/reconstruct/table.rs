@@ -37,8 +37,7 @@ impl SceneTable {
         let mut texels = Vec::with_capacity(
             scene.materials.len() * MATERIAL_TEXELS as usize + targets.targets.len() * TARGET_TEXELS as usize,
         );
-        for (index, material) in scene.materials.iter().enumerate() {
-            let specular = scene.objects.iter().any(|object| object.vt && object.material as usize == index);
+        for (material, specular) in scene.materials.iter().zip(scene.specular_materials()) {
             texels.extend(pack_material(material, bank, fresnel, specular));
         }
         let table = Self { materials: scene.materials.len() as u32, texels };

@@ -55,9 +55,8 @@ pub fn classify(scene: &mut Scene, rules: &VtRules) -> Result<()> {
         };
         scene.objects[index].vt = vt && !scene.materials[scene.objects[index].material as usize].unlit;
     }
-    for (index, material) in scene.materials.iter().enumerate() {
-        let specular = || scene.objects.iter().any(|object| object.vt && object.material as usize == index);
-        if material.normal_texture.is_some() && specular() {
+    for (material, specular) in scene.materials.iter().zip(scene.specular_materials()) {
+        if specular && material.normal_texture.is_some() {
             scene.notes.push(format!(
                 "material {}: its normal map bends what it reflects, so that its pixels are traced one by one",
                 material.name

@@ -134,6 +134,16 @@ impl Scene {
         self.materials[object.material as usize].is_veil(object.vt)
     }
 
+    /// By material: whether a specular VT object has it.
+    pub fn specular_materials(&self) -> Vec<bool> {
+        let mut specular = vec![false; self.materials.len()];
+        self.objects
+            .iter()
+            .filter(|object| object.vt)
+            .for_each(|object| specular[object.material as usize] = true);
+        specular
+    }
+
     /// Number of faces that belong to specular VT objects.
     pub fn vt_faces(&self) -> usize {
         self.objects.iter().filter(|object| object.vt).map(|object| object.faces.len()).sum()
