@@ -108,6 +108,8 @@ pub struct Frame {
 impl<'s> Renderer<'s> {
     /// Prepares what does not depend on the view: hierarchy, patches, textures, pipelines.
     ///
+    /// `scene` is one that was classified and has its light, as [`Options::load`] gives it.
+    ///
     /// # Errors
     /// More faces or texels than the device can hold; no device memory left.
     pub fn new(gpu: &Arc<Gpu>, scene: &'s Scene, options: &Options) -> Result<Self> {

@@ -24,16 +24,17 @@
 //! talks to Vulkan, and the only one with `unsafe`.
 //!
 //! ```no_run
-//! use vertex_tracing::{frame::Renderer, gpu::{self, Gpu}, options::Options, scene::demo::Demo};
+//! use vertex_tracing::{frame::Renderer, gpu::{self, Gpu}, options::Options};
 //!
-//! let scene = Demo::Cup.scene();
 //! let options = Options::default();
+//! let (scene, view) = options.load("assets/cup.glb".as_ref())?;
 //! let gpu = Gpu::new(&gpu::Options::default())?;
-//! let view = options.view.resolve(&scene)?;
 //! let frame = Renderer::new(&gpu, &scene, &options)?.render(&view)?;
 //! println!("{} samples, {} rays", frame.stats.samples, frame.stats.rays.total);
 //! # Ok::<(), vertex_tracing::error::Error>(())
 //! ```
+//!
+//! Scenes are built in code by [`scene::demo::SceneBuilder`].
 
 #![deny(unsafe_code)]
 
@@ -54,3 +55,6 @@ pub mod trace;
 #[cfg(feature = "view")]
 pub mod view;
 pub mod visibility;
+
+/// The vectors and matrices of the public interface.
+pub use glam;

@@ -3,12 +3,14 @@
 use std::path::Path;
 
 use glam::{Affine2, DVec3, Vec2, Vec3};
+use vertex_tracing::error::Error;
+use vertex_tracing::options::Options;
 use vertex_tracing::scene::classify::{VtRules, classify};
 use vertex_tracing::scene::demo::{Demo, SceneBuilder, glb, matte, shape, stress, texture};
 use vertex_tracing::scene::gltf::{Limits, load_slice};
 use vertex_tracing::scene::{
-    AlphaMode, Camera, Filter, Light, LightKind, Material, Projection, Sampler, Scene, TextureSlot, Volume,
-    Wrap,
+    AlphaMode, Background, Camera, Filter, Light, LightKind, Material, Projection, Sampler, Scene,
+    TextureSlot, Volume, Wrap,
 };
 
 fn round_trip(scene: &Scene) -> Scene {
@@ -18,6 +20,30 @@ fn round_trip(scene: &Scene) -> Scene {
     // The loader leaves the classes to the caller, who may have rules of his own.
     classify(&mut read, &VtRules::default()).unwrap();
     read
+}
+
+#[test]
+fn options_load_what_a_renderer_asks_for() {
+    let mut dark = Demo::Cup.scene();
+    dark.lights.clear();
+    let folder = tempfile::tempdir().unwrap();
+    let file = folder.path().join("cup.glb");
+    std::fs::write(&file, glb::encode(&dark).unwrap()).unwrap();
+    let mut options = Options::default();
+    let (scene, view) = options.load(&file).unwrap();
+    assert_eq!(scene.vt_faces(), dark.vt_faces());
+    assert_eq!(scene.lights.len(), 1, "lit from the eye");
+    assert_eq!(scene.lights[0].incident(view.eye.into()).distance, 0.0);
+
+    options.scene.vt.forbid = vec!["cup".into()];
+    options.scene.background = Some(Vec3::X);
+    let (scene, _) = options.load(&file).unwrap();
+    assert_eq!(scene.vt_faces(), 0);
+    assert!(matches!(scene.background, Background::Color(Vec3::X)));
+    options.scene.max_triangles = Some(5);
+    assert!(options.load(&file).unwrap_err().to_string().contains("--max-triangles"));
+    options.scene.vt.force = vec!["cup".into()];
+    assert!(matches!(options.load(&file), Err(Error::Option(problem)) if problem.contains("contradict")));
 }
 
 /// Asserts that two scenes draw the same image; indices of materials and textures may differ.

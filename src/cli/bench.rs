@@ -10,7 +10,7 @@ use super::{
     Failure,
     args::{PathArgs, SceneArgs, ThreadArgs, ViewArgs},
     files::{self, Folder, Inputs},
-    scene, terminal, values,
+    terminal, values,
 };
 use crate::{
     error::{Error, Result},
@@ -167,9 +167,8 @@ pub(super) fn run(args: &BenchArgs) -> Result<(), Failure> {
     let ladder = args.ladder()?;
     args.threads.apply()?;
     let folder = args.out.as_path();
-    let mut scene = scene::load(&args.scene, &ladder.options.scene)?;
-    let view = ladder.options.view.resolve(&scene)?;
-    scene.add_default_lights(&view);
+    let (scene, _) = ladder.options.load(&args.scene)?;
+    terminal::notes_on(&scene);
     let gpu = Gpu::new(&gpu::Options { device: ladder.options.device.clone(), validation: false })?;
     let _made = Folder::make(folder)?;
     check_writable(&folder.join("index.html"))?;

@@ -15,7 +15,6 @@ mod plan;
 mod profile;
 mod reference;
 pub mod render;
-mod scene;
 #[cfg(feature = "bench")]
 mod stability;
 mod terminal;

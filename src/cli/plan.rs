@@ -7,7 +7,7 @@ use clap::Args;
 use super::{
     Failure,
     args::{EffortArgs, MethodArgs, PathArgs, SceneArgs, ViewArgs},
-    scene, terminal,
+    terminal,
 };
 use crate::{options::Options, plan::Summary, report::output::to_json};
 
@@ -45,9 +45,8 @@ pub(super) fn run(args: &PlanArgs) -> Result<(), Failure> {
         ..Options::default()
     };
     options.check().map_err(|problem| Failure::conflict("plan", problem))?;
-    let mut scene = scene::load(&args.scene, &options.scene)?;
-    let view = options.view.resolve(&scene)?;
-    scene.add_default_lights(&view);
+    let (scene, _) = options.load(&args.scene)?;
+    terminal::notes_on(&scene);
     let summary = Summary::new(&scene, &options);
     terminal::print(&if args.json { to_json(&summary)? } else { summary.to_string() })?;
     Ok(())

@@ -8,7 +8,7 @@ use super::{
     Failure,
     args::ThreadArgs,
     files::{self, Folder, Inputs},
-    scene, terminal, values,
+    terminal, values,
 };
 use crate::{
     error::{Error, Result},
@@ -66,7 +66,8 @@ pub(super) fn run(args: &ProfileArgs) -> Result<(), Failure> {
         kept.map_err(|problem| Failure::conflict("profile", problem))?;
     }
     args.threads.apply()?;
-    let scene = scene::load(&args.scene, &options)?;
+    let scene = options.load(&args.scene)?;
+    terminal::notes_on(&scene);
     let _made = args.out.as_deref().map(Folder::make).transpose()?;
     let gpu = Gpu::new(&DeviceOptions { device: args.device.clone(), ..DeviceOptions::default() })?;
     let plan = if args.quick { measure::Plan::quick() } else { measure::Plan::full() };

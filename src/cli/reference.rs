@@ -9,7 +9,7 @@ use super::{
     args::{PathArgs, SceneArgs, ThreadArgs, ViewArgs},
     files::Inputs,
     output::OutputArgs,
-    scene, terminal, values,
+    terminal, values,
 };
 use crate::{
     options::ReferenceOptions,
@@ -90,9 +90,8 @@ pub(super) fn run(args: &ReferenceArgs) -> Result<(), Failure> {
     args.out.check(Some(&args.output))?;
 
     let start = Instant::now();
-    let mut scene = scene::load(&args.scene, &options.scene)?;
-    let view = options.view.resolve(&scene)?;
-    scene.add_default_lights(&view);
+    let (scene, view) = options.load(&args.scene)?;
+    terminal::notes_on(&scene);
     let load = milliseconds(start);
 
     let start = Instant::now();

@@ -13,7 +13,7 @@ use super::{
     args::{EffortArgs, MethodArgs, PathArgs, SceneArgs, ThreadArgs, ViewArgs},
     files::{self, Folder, Inputs},
     output::OutputArgs,
-    scene, terminal, values,
+    terminal, values,
 };
 use crate::{
     error::Result,
@@ -129,9 +129,8 @@ pub(super) fn run(args: &RenderArgs) -> Result<(), Failure> {
     args.out.check(args.output.as_deref())?;
 
     let start = Instant::now();
-    let mut scene = scene::load(&args.scene, &options.scene)?;
-    let view = options.view.resolve(&scene)?;
-    scene.add_default_lights(&view);
+    let (scene, view) = options.load(&args.scene)?;
+    terminal::notes_on(&scene);
     let load = start.elapsed().as_secs_f64() * 1e3;
 
     let gpu = Gpu::new(&gpu::Options { device: options.device.clone(), validation: false })?;

@@ -18,6 +18,7 @@ use crate::{
     error::{Error, Result, one_line},
     gpu::end_at_once,
     report::output::hold_files,
+    scene::Scene,
 };
 
 /// Exit code of a program that was interrupted: 128 and the number of SIGINT, as shells have it.
@@ -66,6 +67,11 @@ pub fn complain_of_interrupt() {
 /// Writes `note: text` to stderr, in one line.
 pub fn note(text: &str) {
     let _ = writeln!(io::stderr(), "note: {}", one_line(text));
+}
+
+/// Writes all notes on a scene to stderr.
+pub fn notes_on(scene: &Scene) {
+    scene.notes.iter().for_each(|line| note(line));
 }
 
 /// What work has after a first Ctrl-C to end by itself.

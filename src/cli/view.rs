@@ -7,7 +7,7 @@ use clap::{Args, value_parser};
 use super::{
     Failure,
     args::{MethodArgs, PathArgs, SceneArgs, ThreadArgs, ViewArgs},
-    scene, values,
+    terminal, values,
 };
 use crate::{
     options::{EffortOptions, Options, Show},
@@ -75,7 +75,11 @@ pub(super) fn run(args: &ViewerArgs) -> Result<(), Failure> {
     let options = args.options().map_err(|problem| Failure::conflict("view", problem))?;
     args.threads.apply()?;
     let asked = options.scene.clone();
-    let load = Box::new(move |file: &std::path::Path| scene::load(file, &asked));
+    let load = Box::new(move |file: &std::path::Path| {
+        let scene = asked.load(file)?;
+        terminal::notes_on(&scene);
+        Ok(scene)
+    });
     let request = Request {
         scene: args.scene.clone(),
         options,

@@ -1,6 +1,7 @@
 //! What a picture is asked to be, as valid values, whoever asks: command line, library user or test.
 
 mod choice;
+mod load;
 mod view;
 
 pub use choice::{
@@ -18,28 +19,32 @@ use serde::{Serialize, Serializer};
 use crate::scene::classify::VtRules;
 
 /// Everything that `vtrace render` can be told about the image.
+///
+/// [`Options::load`] reads a file as these options mean it; [`Renderer`](crate::frame::Renderer) makes the picture. Each
+/// field says which of them it is for.
 #[derive(Debug, Clone, PartialEq, Default, Serialize)]
 pub struct Options {
-    /// Image size and camera.
+    /// Image size and camera; for loading, and [`ViewOptions::resolve`]: a renderer is given the view that they make.
     #[serde(flatten)]
     pub view: ViewOptions,
-    /// How the image is put together.
+    /// How the image is put together; for the renderer.
     #[serde(flatten)]
     pub method: MethodOptions,
-    /// How much is sampled.
+    /// How much is sampled; for the renderer.
     #[serde(flatten)]
     pub effort: EffortOptions,
-    /// How far paths are followed.
+    /// How far paths are followed; for the renderer.
     #[serde(flatten)]
     pub paths: PathOptions,
-    /// How the scene is meant.
+    /// How the scene is meant; for loading, but for shadows and Fresnel, which are the renderer's.
     #[serde(flatten)]
     pub scene: SceneOptions,
-    /// Which device draws, by name or index; `None` takes the best.
+    /// Which device draws, by name or index; `None` takes the best. For neither: told to
+    /// [`gpu::Options`](crate::gpu::Options), it is part of the stats here.
     pub device: Option<String>,
-    /// Data to show in place of the image.
+    /// Data to show in place of the image; for the renderer.
     pub show: Option<Show>,
-    /// Leave no stage, pass or buffer out, even where the scene does not need it.
+    /// Leave no stage, pass or buffer out, even where the scene does not need it; for the renderer.
     pub everything: bool,
 }
 
@@ -177,11 +182,11 @@ impl Default for PathOptions {
 /// How the scene is meant, beyond what its file says.
 #[derive(Debug, Clone, PartialEq, Default, Serialize)]
 pub struct SceneOptions {
-    /// Which surfaces receive shadows.
+    /// Which surfaces receive shadows; for the renderer, as is the next.
     pub shadows: Shadows,
     /// Whether metals reflect by Schlick's approximation instead of a constant k_r.
     pub fresnel: bool,
-    /// Which objects are specular VT objects.
+    /// Which objects are specular VT objects; for loading, as is all below.
     #[serde(flatten)]
     pub vt: VtRules,
     /// Linear radiance of a ray that leaves the scene; black if `None` and no environment is given.

@@ -70,6 +70,9 @@ impl Default for Limits {
 
 /// Loads the glTF file at `path` with the buffers and images that lie in its folder.
 ///
+/// No object is specular yet, and a file without lights is dark: [`Options::load`](crate::options::Options::load) sees to
+/// both.
+///
 /// # Errors
 /// [`Error::Io`] if the file cannot be read; [`Error::Scene`] if it is broken, needs an unsupported
 /// extension, exceeds a limit, refers to files outside its folder, or has nothing to draw.
