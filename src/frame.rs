@@ -10,7 +10,7 @@ use std::sync::atomic::AtomicBool;
 use std::time::{Duration, Instant};
 
 use crate::constants::COMPONENT_PRIMARY;
-use crate::error::Result;
+use crate::error::{Error, Result};
 use crate::gpu::Gpu;
 use crate::options::{EffortOptions, Options};
 use crate::pixels::smooth::Smoothing;
@@ -111,7 +111,8 @@ impl<'s> Renderer<'s> {
     /// `scene` is one that was classified and has its light, as [`Options::load`] gives it.
     ///
     /// # Errors
-    /// More faces or texels than the device can hold; no device memory left.
+    /// [`Error::Option`] for what [`Options::check`] finds; more faces or texels than the device can hold; no device memory
+    /// left.
     pub fn new(gpu: &Arc<Gpu>, scene: &'s Scene, options: &Options) -> Result<Self> {
         Self::reusing(Kept::default(), gpu, scene, options)
     }
@@ -122,6 +123,7 @@ impl<'s> Renderer<'s> {
     /// # Errors
     /// As for [`new`](Self::new).
     pub fn reusing(mut kept: Kept, gpu: &Arc<Gpu>, scene: &'s Scene, options: &Options) -> Result<Self> {
+        options.check().map_err(Error::Option)?;
         let plan = Plan::after(kept.plan.take(), scene, options);
         let traced = plan.has_rays().then(|| kept.traced(scene, &plan));
         let sampled = traced.as_ref().filter(|_| plan.traces());
@@ -245,7 +247,7 @@ impl<'s> Renderer<'s> {
     }
 
     /// Lets `flag` end a frame between two refinement steps, or while pixels are traced one by one, with
-    /// [`Error::Interrupted`](crate::error::Error::Interrupted).
+    /// [`Error::Interrupted`].
     pub fn set_interrupt(&mut self, flag: Arc<AtomicBool>) {
         self.interrupt = flag;
     }

@@ -319,6 +319,44 @@ fn a_failing_frame_says_why_and_leaves_nothing_behind() {
 }
 
 #[test]
+fn options_out_of_range_are_refused_by_name() {
+    let gpu = TestGpu::open();
+    let scene = Demo::Cup.scene();
+    type Wrong = (fn(&mut Options), &'static str);
+    let wrong: [Wrong; 9] = [
+        (|o| o.view.width = 0, "--size 0x48"),
+        (|o| o.view.fov = Some(400.0), "--fov 400"),
+        (|o| o.view.fov = Some(f32::NAN), "--fov NaN"),
+        (|o| o.method.nodes = 0, "--nodes 0"),
+        (|o| o.effort.error = Some(f32::NAN), "--error NaN"),
+        (|o| o.effort.error = Some(-1.0), "--error -1"),
+        (|o| o.paths.depth = 256, "--depth 256"),
+        (|o| o.paths.min_throughput = 2.0, "--min-throughput 2"),
+        (
+            |o| (o.method.msaa, o.method.visibility) = (Msaa::Four, VisibilityWay::SinglePass),
+            "--msaa 4 cannot be used with --visibility single-pass",
+        ),
+    ];
+    for (set, expected) in wrong {
+        let mut options = options(64, 48);
+        set(&mut options);
+        let Err(Error::Option(problem)) = Renderer::new(&gpu, &scene, &options).map(drop) else {
+            panic!("{expected} is taken");
+        };
+        assert!(problem.starts_with(expected), "{problem:?} should begin with {expected:?}");
+    }
+    // Those of the view are needed before there is a renderer.
+    let view = |set: fn(&mut Options)| {
+        let mut options = options(64, 48);
+        set(&mut options);
+        options.view.resolve(&scene)
+    };
+    assert!(matches!(view(|o| o.view.height = 0), Err(Error::Option(_))));
+    assert!(matches!(view(|o| o.view.fov = Some(-1.0)), Err(Error::Option(_))));
+    gpu.finish();
+}
+
+#[test]
 fn an_interrupt_ends_a_frame_between_steps() {
     let scene = Demo::CupAndGlass.scene();
     let options = options(64, 48);

@@ -10,8 +10,8 @@ use super::values::{self, Size};
 use crate::{
     error::{Error, Result},
     options::{
-        CameraChoice, EffortOptions, Equation, FilterMode, MAX_NODES, MethodOptions, Mode, Msaa, PathOptions,
-        PixelSamples, Reconstruction, SceneOptions, Shadows, Ss, ViewOptions, VisibilityWay,
+        CameraChoice, EffortOptions, Equation, FilterMode, MAX_DEPTH, MAX_NODES, MethodOptions, Mode, Msaa,
+        PathOptions, PixelSamples, Reconstruction, SceneOptions, Shadows, Ss, ViewOptions, VisibilityWay,
     },
     scene::classify::VtRules,
 };
@@ -151,7 +151,7 @@ pub struct PathArgs {
         long,
         value_name = "N",
         default_value_t = PathOptions::default().depth,
-        value_parser = value_parser!(u32).range(0..=255),
+        value_parser = value_parser!(u32).range(0..=i64::from(MAX_DEPTH)),
         allow_negative_numbers = true
     )]
     pub depth: u32,

@@ -10,7 +10,7 @@ pub use choice::{
 };
 pub use view::{CameraChoice, DEFAULT_FOV, ViewOptions};
 
-use std::{path::PathBuf, time::Duration};
+use std::{fmt::Display, ops::RangeInclusive, path::PathBuf, time::Duration};
 
 use glam::Vec3;
 use serde::ser::SerializeStruct;
@@ -164,10 +164,13 @@ impl Serialize for EffortOptions {
     }
 }
 
+/// Most specular bounces that can be asked for.
+pub const MAX_DEPTH: u32 = 255;
+
 /// How far paths are followed.
 #[derive(Debug, Clone, PartialEq, Serialize)]
 pub struct PathOptions {
-    /// Most specular bounces.
+    /// Most specular bounces, up to [`MAX_DEPTH`].
     pub depth: u32,
     /// Branches with a largest throughput below this are dropped, 0 to 1.
     pub min_throughput: f32,
@@ -202,22 +205,15 @@ pub struct SceneOptions {
 }
 
 impl Options {
-    /// Checks that the options go together.
+    /// Checks that every value is in its range and that the options go together, as a renderer does.
     ///
     /// # Errors
-    /// Why they do not, in terms of the command line.
+    /// Which value is not, or why they do not, in terms of the command line.
     pub fn check(&self) -> Result<(), String> {
         if self.method.msaa == Msaa::Four && self.method.visibility == VisibilityWay::SinglePass {
             return Err(
                 "--msaa 4 cannot be used with --visibility single-pass, whose primary-face codes the \
                         resolve would average; take --visibility id-buffer"
-                    .into(),
-            );
-        }
-        if self.method.ss != Ss::One && self.method.visibility == VisibilityWay::SinglePass {
-            return Err(
-                "--ss cannot be used with --visibility single-pass, which draws the base image once; \
-                        take --visibility id-buffer"
                     .into(),
             );
         }
@@ -227,19 +223,33 @@ impl Options {
                 "--preview takes no refinement step, so --max-samples and --budget do not apply".into()
             );
         }
+        in_range("--nodes", self.method.nodes, 1..=MAX_NODES)?;
+        in_range("--error", effort.error.unwrap_or(0.0), 0.0..=f32::INFINITY)?;
+        in_range("--depth", self.paths.depth, 0..=MAX_DEPTH)?;
+        in_range("--min-throughput", self.paths.min_throughput, 0.0..=1.0)?;
         self.view.check()?;
         self.scene.check()
     }
 }
 
+/// Whether `value` is one of `range`, as NaN never is.
+fn in_range<T: PartialOrd + Display>(option: &str, value: T, range: RangeInclusive<T>) -> Result<(), String> {
+    let outside = || format!("{option} {value}: not from {} to {}", range.start(), range.end());
+    range.contains(&value).then_some(()).ok_or_else(outside)
+}
+
 impl SceneOptions {
-    /// Checks that the options go together.
+    /// Checks that every value is in its range and that the options go together.
     ///
     /// # Errors
-    /// Why they do not, in terms of the command line.
+    /// Which value is not, or why they do not, in terms of the command line.
     pub fn check(&self) -> Result<(), String> {
         if self.background.is_some() && self.environment.is_some() {
             return Err("--background cannot be used with --environment, which covers every direction".into());
+        }
+        in_range("--roughness-threshold", self.vt.roughness_threshold, 0.0..=1.0)?;
+        if let Some(color) = self.background.filter(|color| !color.is_finite() || color.min_element() < 0.0) {
+            return Err(format!("--background {color}: a colour is finite and not negative"));
         }
         match self.vt.force.iter().find(|name| self.vt.forbid.contains(name)) {
             Some(name) => Err(format!("--vt {name} and --no-vt {name} contradict each other")),

@@ -56,7 +56,18 @@ impl ViewOptions {
     /// # Errors
     /// What is wrong, in terms of the command line.
     pub fn check(&self) -> Result<(), String> {
+        if self.width == 0 || self.height == 0 {
+            return Err(format!("--size {}x{}: a picture has pixels", self.width, self.height));
+        }
+        if let Some(fov) = self.fov.filter(|fov| !(*fov > 0.0 && *fov < 180.0)) {
+            return Err(format!("--fov {fov}: not between 0 and 180 degrees"));
+        }
         match self.camera {
+            CameraChoice::Eye { eye, target }
+                if !eye.is_finite() || target.is_some_and(|it| !it.is_finite()) =>
+            {
+                Err("--eye and --target are points of finite numbers".into())
+            }
             CameraChoice::Eye { eye, target: Some(target) } if eye == target => {
                 Err(NOTHING_TO_LOOK_AT.into())
             }
@@ -67,9 +78,10 @@ impl ViewOptions {
     /// The view of `scene` that these options mean.
     ///
     /// # Errors
-    /// [`Error::Option`] if the scene has no such camera, if the eye lies on its target, or if a field of
-    /// view is asked of a parallel projection.
+    /// [`Error::Option`] for what [`check`](Self::check) finds, if the scene has no such camera, if the eye lies on its
+    /// target, or if a field of view is asked of a parallel projection.
     pub fn resolve(&self, scene: &Scene) -> Result<View> {
+        self.check().map_err(Error::Option)?;
         let bounds = scene.bounds();
         let mut camera = match &self.camera {
             CameraChoice::First => scene.cameras.first().cloned().unwrap_or_else(|| {

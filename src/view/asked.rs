@@ -150,8 +150,8 @@ mod tests {
         }
         asked.options.method.msaa = Msaa::One;
         asked.options.method.visibility = VisibilityWay::SinglePass;
-        asked.apply(Action::Supersampling, &[]);
-        assert_eq!(asked.options.method.ss, Ss::One);
+        asked.apply(Action::Msaa, &[]);
+        assert_eq!(asked.options.method.msaa, Msaa::One);
     }
 
     #[test]
