@@ -357,6 +357,19 @@ fn options_out_of_range_are_refused_by_name() {
 }
 
 #[test]
+fn leaves_whose_pixels_are_traced_are_neither_defined_nor_undefined() {
+    let gpu = TestGpu::open();
+    let scene = Demo::Cup.scene();
+    let pixel = gpu.render(&scene, &options(1, 1)).stats;
+    assert_eq!(pixel.samples, 0, "too small for a sample");
+    assert_eq!((pixel.faces.defined, pixel.faces.undefined), (0, 0), "{:?}", pixel.faces);
+    assert!(pixel.faces.traced > 0, "{:?}", pixel.faces);
+    let all = gpu.render(&scene, &options(160, 120)).stats.faces;
+    assert!(all.defined > 0 && all.undefined > 0 && all.traced > 0, "{all:?}");
+    gpu.finish();
+}
+
+#[test]
 fn an_interrupt_ends_a_frame_between_steps() {
     let scene = Demo::CupAndGlass.scene();
     let options = options(64, 48);

@@ -130,8 +130,8 @@ impl Job<'_> {
         note_refined(stats, &refiner, stopped_by);
         stats.rays = ray_stats(refiner.samples.rays, pixel_rays + picture.rays);
         stats.faces.leaves = leaves.len();
-        let (defined, undefined) = leaves.defined();
-        (stats.faces.defined, stats.faces.undefined) = (defined.into(), undefined.into());
+        let kinds = leaves.kinds().map(u64::from);
+        [stats.faces.defined, stats.faces.undefined, stats.faces.traced] = kinds;
         let overlay = options.show.map(|show| self.overlay(show, traced, &context, shown, &refiner));
         Ok(Sampled { leaves, overlay, refined, cost: refiner.cost() })
     }

@@ -74,11 +74,11 @@ impl Drawn {
         self.len() == 0
     }
 
-    /// Defined and undefined leaves of specular objects.
-    pub fn defined(&self) -> (u32, u32) {
+    /// Leaves of specular objects that are defined, undefined, and whose pixels were traced.
+    pub fn kinds(&self) -> [u32; 3] {
         match self {
-            Self::Exact(leaves) => (leaves.defined, leaves.undefined),
-            Self::Paper(leaves) => (leaves.defined, leaves.undefined),
+            Self::Exact(leaves) => [leaves.defined, leaves.undefined, leaves.traced],
+            Self::Paper(leaves) => [leaves.defined, leaves.undefined, 0],
         }
     }
 

@@ -94,10 +94,12 @@ pub struct Leaves {
     pub groups: Vec<(Group, u32)>,
     /// Nodes and traced pixels, in parts that follow one another.
     pub nodes: Vec<Vec<Texel>>,
-    /// Leaves of specular objects all of whose paths are shared.
+    /// Leaves of specular objects that are drawn from samples and all of whose paths are shared.
     pub defined: u32,
-    /// Other leaves of specular objects.
+    /// Other leaves of specular objects that are drawn from samples.
     pub undefined: u32,
+    /// Leaves of specular objects whose pixels were traced.
+    pub traced: u32,
     /// Shared paths that found no room in their leaf.
     pub overflow: u64,
     /// Whether anything is Gouraud-shaded of reflection and of transmission.
@@ -200,6 +202,7 @@ pub fn assemble(
         result.nodes.push(piece.texels);
         result.defined += piece.defined;
         result.undefined += piece.undefined;
+        result.traced += piece.traced;
         result.overflow += piece.overflow;
         result.combined = [0, 1].map(|branch| result.combined[branch] || piece.combined[branch]);
     }
@@ -218,6 +221,7 @@ struct Piece {
     texels: Vec<Texel>,
     defined: u32,
     undefined: u32,
+    traced: u32,
     overflow: u64,
     combined: [bool; 2],
 }
@@ -259,7 +263,7 @@ impl Stage<'_> {
         let has_block = is_traced && !masked && self.blocks.append(face, &mut piece.texels).is_some();
         let (group, defined) = if has_block {
             leaf.flags = LEAF_TRACED;
-            (Group::traced(cut), matcher.is_defined(&seen))
+            (Group::traced(cut), false)
         } else {
             let mut nodes = LeafNodes::default();
             if object.vt {
@@ -289,8 +293,13 @@ impl Stage<'_> {
         };
         piece.leaves.push((group, leaf));
         if object.vt {
-            piece.defined += u32::from(defined);
-            piece.undefined += u32::from(!defined);
+            // The vertices of a traced leaf may have no sample.
+            let count = match (is_traced, defined) {
+                (true, _) => &mut piece.traced,
+                (false, true) => &mut piece.defined,
+                (false, false) => &mut piece.undefined,
+            };
+            *count += 1;
         }
     }
 }

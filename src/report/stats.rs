@@ -115,10 +115,12 @@ pub struct Faces {
     pub visible: u64,
     /// Faces of the refined mesh.
     pub leaves: u64,
-    /// Leaves whose vertices all see the same target (paper §4).
+    /// Specular leaves whose vertices all see the same target (paper §4).
     pub defined: u64,
-    /// Leaves whose vertices do not.
+    /// Specular leaves whose vertices do not.
     pub undefined: u64,
+    /// Specular leaves whose pixels were traced one by one: neither of the two, whatever their vertices see.
+    pub traced: u64,
 }
 
 /// Which limit ended refinement.
@@ -237,6 +239,7 @@ impl fmt::Display for Stats {
             ("leaves", faces.leaves),
             ("defined", faces.defined),
             ("undefined", faces.undefined),
+            ("traced", faces.traced),
         ];
         list(f, "faces", "", kinds.map(|(name, n)| (name, n as f64)), 0, "")?;
         list(f, "passes", "", self.passes.iter().map(|pass| (pass.name.as_str(), pass.ms)), 2, " ms")?;
@@ -304,7 +307,7 @@ mod tests {
             ("scene", &["triangles", "vt_faces", "textures", "lights"]),
             ("image", &["width", "height", "vt_pixels"]),
             ("rays", &["total", "primary", "reflected", "transmitted", "shadow", "pixel"]),
-            ("faces", &["visible", "leaves", "defined", "undefined"]),
+            ("faces", &["visible", "leaves", "defined", "undefined", "traced"]),
             (
                 "time_ms",
                 &[

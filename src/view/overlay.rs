@@ -117,7 +117,10 @@ fn stage_lines(stats: &Stats) -> [String; 4] {
             image.width,
             image.height
         ),
-        format!("{} rays, {} leaves: {} undefined", stats.rays.total, faces.leaves, faces.undefined),
+        format!(
+            "{} rays, {} leaves: {} undefined, {} traced",
+            stats.rays.total, faces.leaves, faces.undefined, faces.traced
+        ),
         format!(
             "frame {:.1} ms: find {:.1} trace {:.1}",
             t.frame,
