@@ -15,6 +15,7 @@ use glam::Vec3;
 use half::f16;
 
 use crate::constants::MAX_RADIANCE;
+use crate::scene::mesh::meet_plane;
 use crate::trace::Hit;
 use crate::trace::sample::Context;
 
@@ -33,18 +34,10 @@ impl From<Vec3> for HalfRadiance {
     }
 }
 
-/// The point of base face `base` under a view ray, origin and direction; `None` if that has no area.
-fn point_on(context: &Context, base: u32, (origin, direction): (Vec3, Vec3)) -> Option<Hit> {
-    let [a, b, c] = context.tracer.scene().geometry.corners(base);
-    let (e1, e2) = (b - a, c - a);
-    let p = direction.cross(e2);
-    let determinant = e1.dot(p);
-    if determinant == 0.0 {
-        return None;
-    }
-    let from_corner = origin - a;
-    let q = from_corner.cross(e1);
-    let u = (from_corner.dot(p) / determinant).clamp(0.0, 1.0);
-    let v = (direction.dot(q) / determinant).clamp(0.0, 1.0 - u);
-    Some(Hit { face: base, t: e2.dot(q) / determinant, u, v })
+/// The point of base face `base` nearest to where a view ray, origin and direction, meets its plane; `None` if it meets none.
+fn point_on(context: &Context, base: u32, ray: (Vec3, Vec3)) -> Option<Hit> {
+    let (t, weights) = meet_plane(context.tracer.scene().geometry.corners(base), ray)?;
+    let u = weights.x.clamp(0.0, 1.0);
+    let v = weights.y.clamp(0.0, 1.0 - u);
+    Some(Hit { face: base, t, u, v })
 }

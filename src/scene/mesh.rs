@@ -61,6 +61,17 @@ pub fn unit(v: Vec3) -> Option<Vec3> {
     (largest > 0.0).then(|| v / largest)?.try_normalize()
 }
 
+/// Where a ray meets the plane of a triangle: at what distance, in units of `direction`'s length, and with what
+/// barycentric weights of the second and third corner, which off the triangle are negative or more than 1 together.
+/// `None` for a triangle without area and a ray along its plane.
+pub fn meet_plane([a, b, c]: [Vec3; 3], (origin, direction): (Vec3, Vec3)) -> Option<(f32, Vec2)> {
+    let (e1, e2, s) = (b - a, c - a, origin - a);
+    let (p, q) = (direction.cross(e2), s.cross(e1));
+    let determinant = e1.dot(p);
+    let weights = Vec2::new(s.dot(p) / determinant, direction.dot(q) / determinant);
+    (determinant != 0.0).then(|| (e2.dot(q) / determinant, weights))
+}
+
 /// One instance of a mesh primitive.
 #[derive(Debug, Clone)]
 pub struct Object {

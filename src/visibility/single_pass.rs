@@ -18,7 +18,7 @@ use super::{
 use crate::{
     error::Result,
     gpu::{ReadbackMemory, Timing},
-    scene::{Scene, View},
+    scene::{Scene, View, mesh::meet_plane},
 };
 
 /// Number of codes: the positive normal halves, which every device stores exactly.
@@ -198,9 +198,9 @@ impl<'s> Recovery<'s> {
     fn nearest(&self, view: &View, centre: Vec2, candidates: &[u32]) -> u32 {
         /// Barycentric distance at which a face still covers a point.
         const SLACK: f32 = 1e-3;
-        let (origin, direction) = view.ray(centre);
+        let ray = view.ray(centre);
         let rank = |face: u32| {
-            let (off, distance) = meet(self.scene.geometry.corners(face), origin, direction);
+            let (off, distance) = meet(self.scene.geometry.corners(face), ray);
             if off <= SLACK { (0.0, distance) } else { (off, distance) }
         };
         let order = |a: &(f32, f32), b: &(f32, f32)| a.0.total_cmp(&b.0).then(a.1.total_cmp(&b.1));
@@ -219,13 +219,11 @@ impl<'s> Recovery<'s> {
 }
 
 /// How far off a triangle a ray meets its plane, in barycentric coordinates (0 inside), and at what distance.
-fn meet([a, b, c]: [Vec3; 3], origin: Vec3, direction: Vec3) -> (f32, f32) {
-    let (e1, e2, s) = (b - a, c - a, origin - a);
-    let (p, q) = (direction.cross(e2), s.cross(e1));
-    let determinant = e1.dot(p);
-    let (u, v, t) = (s.dot(p) / determinant, direction.dot(q) / determinant, e2.dot(q) / determinant);
-    let off = (-u).max(-v).max(u + v - 1.0).max(0.0);
-    if determinant != 0.0 && t > 0.0 && off.is_finite() { (off, t) } else { (f32::MAX, f32::MAX) }
+fn meet(corners: [Vec3; 3], ray: (Vec3, Vec3)) -> (f32, f32) {
+    const NOWHERE: (f32, f32) = (f32::MAX, f32::MAX);
+    let Some((t, weights)) = meet_plane(corners, ray) else { return NOWHERE };
+    let off = (-weights.x).max(-weights.y).max(weights.element_sum() - 1.0).max(0.0);
+    if t > 0.0 && off.is_finite() { (off, t) } else { NOWHERE }
 }
 
 #[cfg(test)]
@@ -245,8 +243,8 @@ mod tests {
     #[test]
     fn rays_meet_triangles() {
         let corners = [Vec3::ZERO, Vec3::X, Vec3::Y];
-        assert_eq!(meet(corners, Vec3::new(0.25, 0.25, 2.0), Vec3::NEG_Z), (0.0, 2.0));
-        assert_eq!(meet(corners, Vec3::new(1.5, 0.0, 2.0), Vec3::NEG_Z), (0.5, 2.0));
-        assert_eq!(meet(corners, Vec3::new(0.2, 0.2, -1.0), Vec3::NEG_Z).0, f32::MAX, "behind");
+        assert_eq!(meet(corners, (Vec3::new(0.25, 0.25, 2.0), Vec3::NEG_Z)), (0.0, 2.0));
+        assert_eq!(meet(corners, (Vec3::new(1.5, 0.0, 2.0), Vec3::NEG_Z)), (0.5, 2.0));
+        assert_eq!(meet(corners, (Vec3::new(0.2, 0.2, -1.0), Vec3::NEG_Z)).0, f32::MAX, "behind");
     }
 }
