@@ -16,7 +16,6 @@ struct Light {
 layout(set = 0, binding = 0, scalar) uniform Frame {
     mat4 clip_from_eye_relative;
     vec3 eye;
-    uint light_count;
     vec3 forward;
     uint orthographic;
     float ambient;

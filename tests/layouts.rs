@@ -174,7 +174,6 @@ fn frame_and_leaves() {
     let frame = layout!(FrameBlock {
         clip_from_eye_relative,
         eye,
-        light_count,
         forward,
         orthographic,
         ambient,

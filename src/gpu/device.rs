@@ -195,12 +195,7 @@ impl Gpu {
         self.instance.validation
     }
 
-    /// Errors that the validation layers reported so far.
-    pub fn validation_errors(&self) -> Vec<String> {
-        self.instance.messages.errors()
-    }
-
-    /// The list of errors itself, which also hears of what is never freed, after this `Gpu` is gone.
+    /// The errors that the validation layers report, which also hears of what is never freed, after this `Gpu` is gone.
     pub fn messages(&self) -> Arc<Messages> {
         self.instance.messages.clone()
     }

@@ -37,8 +37,6 @@ pub struct FrameBlock {
     pub clip_from_eye_relative: Mat4,
     /// Eye point.
     pub eye: Vec3,
-    /// Lights in use.
-    pub light_count: u32,
     /// Unit vector into the image.
     pub forward: Vec3,
     /// Whether rays are parallel.
@@ -53,6 +51,8 @@ pub struct FrameBlock {
     pub height: u32,
     /// How often a pixel's side is halved: it is `1 << halvings` fragments across and high.
     pub halvings: u32,
+    /// Fills the last 16 bytes, to which the matrix aligns.
+    pub pad: u32,
 }
 
 impl FrameBlock {
@@ -70,7 +70,6 @@ impl FrameBlock {
         Self {
             clip_from_eye_relative: view.clip_from_eye_relative(),
             eye: view.eye,
-            light_count: scene.lights.len().min(MAX_LIGHTS as usize) as u32,
             forward: view.forward,
             orthographic: u32::from(view.orthographic),
             ambient: scene.ambient,
@@ -78,6 +77,7 @@ impl FrameBlock {
             width: view.width,
             height: view.height,
             halvings: 0,
+            pad: 0,
         }
     }
 
