@@ -7,7 +7,7 @@ use std::{
     sync::{Arc, Mutex, MutexGuard, PoisonError},
 };
 
-use ash::{ext, vk};
+use ash::{ext, khr, vk};
 use gpu_allocator::{
     AllocationError, AllocationSizes, AllocatorDebugSettings, MemoryLocation,
     vulkan::{Allocation, AllocationCreateDesc, AllocationScheme, Allocator, AllocatorCreateDesc},
@@ -16,7 +16,7 @@ use gpu_allocator::{
 use super::{
     census::{Census, Kind},
     choice::{self, Candidate, DeviceInfo},
-    instance::{Instance, Messages},
+    instance::{Instance, Messages, with_present},
     sampler::SamplerDesc,
 };
 use crate::error::{Error, Result};
@@ -124,9 +124,14 @@ impl Gpu {
             .enabled_features(&core)
             .push_next(&mut vulkan12)
             .push_next(&mut vulkan13);
+        let name = &candidate.info.name;
+        // SAFETY: a device of this instance.
+        let present = unsafe { instance.handle.enumerate_device_extension_properties(candidate.handle) }
+            .map_err(vulkan_error("vkEnumerateDeviceExtensionProperties", name))?;
+        // A device that has it lacks parts of Vulkan, none of which is used here, and wants that to be acknowledged.
+        let extensions = with_present(extensions, &[khr::portability_subset::NAME], &present);
         let extensions: Vec<_> = extensions.iter().map(|name| name.as_ptr()).collect();
         let info = info.enabled_extension_names(&extensions);
-        let name = &candidate.info.name;
         // SAFETY: the features were found present, the queue family exists, all pointers are alive.
         let device = unsafe { instance.handle.create_device(candidate.handle, &info, None) }
             .map_err(vulkan_error("vkCreateDevice", name))?;

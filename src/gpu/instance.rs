@@ -6,7 +6,7 @@ use std::{
     sync::{Arc, Mutex, PoisonError},
 };
 
-use ash::{ext, vk};
+use ash::{ext, khr, vk};
 
 use crate::error::{Error, Result};
 
@@ -91,7 +91,8 @@ impl Instance {
             )));
         }
 
-        let mut names: Vec<_> = wanted.iter().map(|name| name.as_ptr()).collect();
+        let enabled = with_present(wanted, &[khr::portability_enumeration::NAME], &extensions);
+        let mut names: Vec<_> = enabled.iter().map(|name| name.as_ptr()).collect();
         if debug_utils {
             names.push(ext::debug_utils::NAME.as_ptr());
         }
@@ -107,6 +108,7 @@ impl Instance {
         let mut features = vk::ValidationFeaturesEXT::default().enabled_validation_features(&synchronization);
         let mut chained = messenger_info(&messages);
         let mut info = vk::InstanceCreateInfo::default()
+            .flags(flags(&enabled))
             .application_info(&application)
             .enabled_extension_names(&names)
             .enabled_layer_names(&layer_names);
@@ -134,6 +136,25 @@ impl Instance {
             instance.messenger = Some((loader, messenger));
         }
         Ok(instance)
+    }
+}
+
+/// The extensions `wanted`, and those of `optional` that are `present`.
+pub(super) fn with_present<'n>(
+    wanted: &[&'n CStr],
+    optional: &[&'n CStr],
+    present: &[vk::ExtensionProperties],
+) -> Vec<&'n CStr> {
+    let known = |name: &&CStr| present.iter().any(|e| e.extension_name_as_c_str() == Ok(*name));
+    wanted.iter().chain(optional.iter().filter(|name| known(name))).copied().collect()
+}
+
+/// Flags of an instance with these extensions. Loaders hide drivers that lack parts of Vulkan, such as those upon Metal,
+/// from whoever does not ask for them; what is needed of a device is checked when it is chosen.
+fn flags(enabled: &[&CStr]) -> vk::InstanceCreateFlags {
+    match enabled.contains(&khr::portability_enumeration::NAME) {
+        true => vk::InstanceCreateFlags::ENUMERATE_PORTABILITY_KHR,
+        false => vk::InstanceCreateFlags::empty(),
     }
 }
 
@@ -185,4 +206,28 @@ unsafe extern "system" fn on_message(
         log::warn!("{text}");
     }
     vk::FALSE
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn present(names: &[&CStr]) -> Vec<vk::ExtensionProperties> {
+        let named = |name: &&CStr| vk::ExtensionProperties::default().extension_name(name).unwrap();
+        names.iter().map(named).collect()
+    }
+
+    #[test]
+    fn drivers_that_lack_parts_are_asked_for_where_the_loader_can() {
+        let portability = khr::portability_enumeration::NAME;
+        let enabled = |present: &[vk::ExtensionProperties]| {
+            with_present(&[khr::surface::NAME], &[portability], present)
+        };
+        let with = enabled(&present(&[ext::debug_utils::NAME, portability]));
+        assert_eq!(with, [khr::surface::NAME, portability]);
+        assert_eq!(flags(&with), vk::InstanceCreateFlags::ENUMERATE_PORTABILITY_KHR);
+        let without = enabled(&present(&[ext::debug_utils::NAME]));
+        assert_eq!(without, [khr::surface::NAME]);
+        assert!(flags(&without).is_empty());
+    }
 }
