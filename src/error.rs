@@ -87,6 +87,17 @@ impl Error {
         move |source| Self::Io { path, source }
     }
 
+    /// The same, with the `remedy` where device memory could not be had.
+    #[must_use]
+    pub fn with_remedy(self, remedy: &str) -> Self {
+        match self {
+            Self::DeviceMemory { object, problem } => {
+                Self::DeviceMemory { object, problem: format!("{problem}: {remedy}") }
+            }
+            other => other,
+        }
+    }
+
     /// An [`Error::Scene`].
     pub fn scene(file: impl Into<PathBuf>, object: impl Into<String>, problem: impl Into<String>) -> Self {
         Self::Scene { file: file.into(), object: object.into(), problem: problem.into() }

@@ -125,7 +125,7 @@ impl SetLayout {
     /// A set of this layout with every binding written, by name. It keeps what it refers to alive.
     ///
     /// # Errors
-    /// A buffer larger than the device can bind; no memory left.
+    /// A buffer larger than the device can bind: the caller knows what makes it smaller; no memory left.
     ///
     /// # Panics
     /// If a name is missing or unknown, or a resource is of the wrong kind or number: mistakes in the
@@ -219,19 +219,7 @@ impl RawSet {
             .descriptor_type(binding.kind.vk());
         match (binding.kind, resource) {
             (BindingKind::Storage | BindingKind::Uniform, Resource::Buffer(buffer)) => {
-                let (limit, what) = match binding.kind {
-                    BindingKind::Uniform => (u64::from(gpu.limits.max_uniform_buffer_range), "uniform"),
-                    _ => (gpu.most_stored(), "storage"),
-                };
-                if buffer.size() > limit {
-                    return Err(Error::DeviceMemory {
-                        object: format!("buffer {}", buffer.raw.name),
-                        problem: format!(
-                            "{} bytes; the device binds at most {limit} as a {what} buffer: use a smaller scene",
-                            buffer.size()
-                        ),
-                    });
-                }
+                check_size(&gpu.limits, binding.kind, &buffer.raw.name, buffer.size())?;
                 let infos =
                     [vk::DescriptorBufferInfo::default().buffer(buffer.raw.handle).range(vk::WHOLE_SIZE)];
                 self.held_buffers.push(buffer.raw.clone());
@@ -254,15 +242,8 @@ impl RawSet {
                 unsafe { gpu.device.update_descriptor_sets(&[write.image_info(&infos)], &[]) };
             }
             (BindingKind::Texels, Resource::Buffer(buffer)) => {
-                let (texels, limit) = (buffer.size() / TEXEL_BYTES, gpu.most_texels() / TEXEL_BYTES);
-                if texels > limit {
-                    return Err(Error::DeviceMemory {
-                        object: format!("buffer {}", buffer.raw.name),
-                        problem: format!(
-                            "{texels} texels; the device reads at most {limit}: use fewer samples"
-                        ),
-                    });
-                }
+                check_size(&gpu.limits, binding.kind, &buffer.raw.name, buffer.size())?;
+                let texels = buffer.size() / TEXEL_BYTES;
                 let info = vk::BufferViewCreateInfo::default()
                     .buffer(buffer.raw.handle)
                     .format(vk::Format::R32G32B32A32_UINT)
@@ -284,6 +265,21 @@ impl RawSet {
     }
 }
 
+/// Refuses a buffer of `bytes` that a device with these `limits` cannot bind; who binds it knows the remedy.
+fn check_size(limits: &vk::PhysicalDeviceLimits, kind: BindingKind, name: &str, bytes: u64) -> Result<()> {
+    let (size, most, unit) = match kind {
+        BindingKind::Uniform => (bytes, limits.max_uniform_buffer_range, "bytes; the device binds at most"),
+        BindingKind::Texels => {
+            (bytes / TEXEL_BYTES, limits.max_texel_buffer_elements, "texels; the device reads at most")
+        }
+        _ => (bytes, limits.max_storage_buffer_range, "bytes; the device binds at most"),
+    };
+    if size <= u64::from(most) {
+        return Ok(());
+    }
+    Err(Error::DeviceMemory { object: format!("buffer {name}"), problem: format!("{size} {unit} {most}") })
+}
+
 impl Drop for RawSet {
     fn drop(&mut self) {
         // SAFETY: command buffers own the sets they use until the device is done; frees the set too, which
@@ -294,5 +290,35 @@ impl Drop for RawSet {
                 self.layout.gpu.device.destroy_buffer_view(view, None);
             }
         }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn buffers_are_held_against_the_limit_of_their_kind() {
+        // What every device has.
+        let limits = vk::PhysicalDeviceLimits {
+            max_uniform_buffer_range: 16_384,
+            max_storage_buffer_range: 1 << 27,
+            max_texel_buffer_elements: 65_536,
+            ..Default::default()
+        };
+        for (kind, most) in [
+            (BindingKind::Uniform, 16_384),
+            (BindingKind::Storage, 1 << 27),
+            (BindingKind::Texels, 65_536 * TEXEL_BYTES),
+        ] {
+            assert!(check_size(&limits, kind, "table", most).is_ok());
+            let refused = check_size(&limits, kind, "table", most + TEXEL_BYTES).unwrap_err();
+            let message = refused.with_remedy("use less").to_string();
+            assert!(
+                message.starts_with("device memory for buffer table: ") && message.ends_with(": use less")
+            );
+        }
+        let refused = check_size(&limits, BindingKind::Texels, "table", 70_000 * TEXEL_BYTES).unwrap_err();
+        assert!(refused.to_string().contains("70000 texels; the device reads at most 65536"), "{refused}");
     }
 }

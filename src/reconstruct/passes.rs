@@ -117,15 +117,17 @@ impl Painter {
             SetLayout::new(gpu, "leaves", &LEAF_BINDINGS)?,
             SetLayout::new(gpu, "arrays", &ARRAY_BINDINGS)?,
         ];
-        let scene_set = layouts[0].set(
-            "scene",
-            &[
-                ("frame", Resource::Buffer(&frame)),
-                ("scene_table", Resource::Buffer(&texels)),
-                ("bank", Resource::Textures(&bank.bindings())),
-                ("environment", Resource::Textures(&[bank.environment()])),
-            ],
-        )?;
+        let scene_set = layouts[0]
+            .set(
+                "scene",
+                &[
+                    ("frame", Resource::Buffer(&frame)),
+                    ("scene_table", Resource::Buffer(&texels)),
+                    ("bank", Resource::Textures(&bank.bindings())),
+                    ("environment", Resource::Textures(&[bank.environment()])),
+                ],
+            )
+            .map_err(|error| error.with_remedy("use a scene with fewer materials and planar surfaces"))?;
         let base_data: [&[u8]; 2] =
             [bytemuck::cast_slice(&base.vertices), bytemuck::cast_slice(&base.leaves)];
         let [vertices, records] = base_data.map(|data| data.len() as u64);

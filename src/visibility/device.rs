@@ -104,13 +104,16 @@ impl Pass {
             Some(target) => target,
             None => {
                 let images = IdImages::new(&self.gpu, view)?;
-                let set = self.layout.set(
-                    "face counts",
-                    &[
-                        ("ids", Resource::Textures(&[(&images.ids, TEXELS)])),
-                        ("counts", Resource::Buffer(&self.counts)),
-                    ],
-                )?;
+                let set = self
+                    .layout
+                    .set(
+                        "face counts",
+                        &[
+                            ("ids", Resource::Textures(&[(&images.ids, TEXELS)])),
+                            ("counts", Resource::Buffer(&self.counts)),
+                        ],
+                    )
+                    .map_err(|error| error.with_remedy("use a smaller scene"))?;
                 (images, set)
             }
         };

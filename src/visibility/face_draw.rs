@@ -76,21 +76,21 @@ impl FaceDraw {
             + size_of_val(mask_vertices.as_slice());
         let mut uploads = Uploads::new(gpu, "ID buffer uploads", staging_bytes(bytes as u64))?;
         let face_layout = SetLayout::new(gpu, "ID buffer faces", &FACE_BINDINGS)?;
-        let face_set = face_layout.set(
-            "ID buffer faces",
-            &[
-                (
-                    "positions",
-                    Resource::Buffer(&uploads.buffer("ID buffer positions", &scene.geometry.positions)?),
-                ),
-                ("faces", Resource::Buffer(&uploads.buffer("ID buffer faces", &scene.geometry.faces)?)),
-                ("entries", Resource::Buffer(&uploads.buffer("ID buffer entries", &list.entries)?)),
-                (
-                    "mask_vertices",
-                    Resource::Buffer(&uploads.buffer("ID buffer mask vertices", &mask_vertices)?),
-                ),
-            ],
-        )?;
+        let positions = uploads.buffer("ID buffer positions", &scene.geometry.positions)?;
+        let faces = uploads.buffer("ID buffer faces", &scene.geometry.faces)?;
+        let entries = uploads.buffer("ID buffer entries", &list.entries)?;
+        let mask_vertices = uploads.buffer("ID buffer mask vertices", &mask_vertices)?;
+        let face_set = face_layout
+            .set(
+                "ID buffer faces",
+                &[
+                    ("positions", Resource::Buffer(&positions)),
+                    ("faces", Resource::Buffer(&faces)),
+                    ("entries", Resource::Buffer(&entries)),
+                    ("mask_vertices", Resource::Buffer(&mask_vertices)),
+                ],
+            )
+            .map_err(|error| error.with_remedy("use a smaller scene"))?;
         let mask_layout = SetLayout::new(gpu, "ID buffer mask", &MASK_BINDINGS)?;
         let mut draws: Vec<BatchDraw> = Vec::with_capacity(list.batches.len());
         for batch in list.batches {

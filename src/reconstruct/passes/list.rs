@@ -11,6 +11,12 @@ fn room_for(bytes: u64, most: u64) -> u64 {
     (bytes * 3 / 2).min(most / 16 * 16).max(bytes).max(256).next_multiple_of(16)
 }
 
+/// What makes a list smaller that is too large for the device: one that `grows` holds what was sampled, the other the scene's
+/// own faces.
+fn remedy(grows: bool) -> &'static str {
+    if grows { "use fewer samples" } else { "use a smaller scene" }
+}
+
 /// A list of leaves on the device: buffers grow, and are kept from frame to frame.
 pub(super) struct LeafList {
     buffers: [DeviceBuffer; 3],
@@ -36,14 +42,16 @@ impl LeafList {
             make("records", records, stored)?,
             make("nodes", nodes, read)?,
         ];
-        let set = layout.set(
-            name,
-            &[
-                ("vertices", Resource::Buffer(&buffers[0])),
-                ("leaves", Resource::Buffer(&buffers[1])),
-                ("node_table", Resource::Buffer(&buffers[2])),
-            ],
-        )?;
+        let set = layout
+            .set(
+                name,
+                &[
+                    ("vertices", Resource::Buffer(&buffers[0])),
+                    ("leaves", Resource::Buffer(&buffers[1])),
+                    ("node_table", Resource::Buffer(&buffers[2])),
+                ],
+            )
+            .map_err(|error| error.with_remedy(remedy(grows)))?;
         Ok(Self { buffers, set })
     }
 
