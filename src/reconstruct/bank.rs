@@ -11,7 +11,7 @@ use crate::error::Result;
 use crate::gpu::{AddressMode, Format, Image, ImageDesc, SamplerDesc, TexelFilter, Uploads};
 use crate::options::FilterMode;
 use crate::scene::{Background, Environment, Sampler, Scene, Texture, TextureSlot};
-use crate::visibility::mask::{level_0, texel_filter};
+use crate::visibility::sampler;
 
 /// What textures of one array have in common.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
@@ -121,10 +121,10 @@ impl Bank {
             let image = uploads.texture(TEXTURES, kind.format(), kind.size, &slices, mipped)?;
             arrays.push((image, kind.sampler));
         }
-        let nearest = sampler(&Sampler::default(), FilterMode::File);
+        let any = sampler::sampler(&Sampler::default());
         if arrays.is_empty() {
             let white = uploads.texture("no texture", Format::Rgba8, (1, 1), &[&[255; 4]], false)?;
-            arrays.push((white, nearest));
+            arrays.push((white, any));
         }
         let environment = match &scene.background {
             Background::Environment(panorama) => panorama_image(uploads, panorama)?,
@@ -167,7 +167,7 @@ fn pack(scene: &Scene, used: &[bool], filter: FilterMode) -> (Packing, Vec<Strin
         let kind = Kind {
             size: (image.width, image.height),
             srgb: texture.srgb,
-            sampler: sampler(&texture.sampler, filter),
+            sampler: filtered(&texture.sampler, filter),
         };
         if !used[index] {
             packing.places.push((0, 0));
@@ -263,12 +263,8 @@ fn panorama_image(uploads: &mut Uploads, panorama: &Environment) -> Result<(Imag
     Ok((image, sampler))
 }
 
-fn sampler(sampler: &Sampler, filter: FilterMode) -> SamplerDesc {
-    let own = SamplerDesc {
-        min: texel_filter(sampler.min),
-        mip: sampler.mip.map(texel_filter),
-        ..level_0(sampler)
-    };
+fn filtered(sampler: &Sampler, filter: FilterMode) -> SamplerDesc {
+    let own = sampler::sampler(sampler);
     let trilinear = SamplerDesc {
         mag: TexelFilter::Linear,
         min: TexelFilter::Linear,

@@ -3,10 +3,11 @@
 use bytemuck::{Pod, Zeroable};
 use glam::Vec2;
 
+use super::sampler::level_0;
 use crate::{
     error::Result,
-    gpu::{AddressMode, DescriptorSet, Format, Resource, SamplerDesc, SetLayout, TexelFilter, Uploads},
-    scene::{AlphaMode, Filter, Sampler, Scene, Wrap},
+    gpu::{DescriptorSet, Format, Resource, SetLayout, Uploads},
+    scene::{AlphaMode, Sampler, Scene},
 };
 
 /// Alpha at a vertex of a masked object; the shader's `MaskVertex`.
@@ -55,24 +56,4 @@ pub fn set(uploads: &mut Uploads, scene: &Scene, layout: &SetLayout, material: u
     };
     let image = uploads.texture(&name, Format::R8, size, &[&alpha], false)?;
     layout.set(&name, &[("alpha_map", Resource::Textures(&[(&image, level_0(&sampler))]))])
-}
-
-/// The device's sampler of `sampler` for level 0 alone, magnified or not.
-pub fn level_0(sampler: &Sampler) -> SamplerDesc {
-    let wrap = |wrap| match wrap {
-        Wrap::Repeat => AddressMode::Repeat,
-        Wrap::Mirror => AddressMode::Mirror,
-        Wrap::Clamp => AddressMode::Clamp,
-    };
-    let filter = texel_filter(sampler.mag);
-    let (u, v) = (wrap(sampler.wrap_u), wrap(sampler.wrap_v));
-    SamplerDesc { u, v, mag: filter, min: filter, mip: None, anisotropy: 1 }
-}
-
-/// The device's name for a filter.
-pub fn texel_filter(filter: Filter) -> TexelFilter {
-    match filter {
-        Filter::Nearest => TexelFilter::Nearest,
-        Filter::Linear => TexelFilter::Linear,
-    }
 }

@@ -14,6 +14,7 @@ pub mod id_buffer;
 pub mod mask;
 pub mod ring;
 mod runs;
+pub mod sampler;
 pub mod scan;
 pub mod single_pass;
 
