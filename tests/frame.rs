@@ -59,6 +59,7 @@ fn lit_plane() {
         let mut options = options(64, 48);
         options.scene.shadows = shadows;
         let (frame, view) = rendered(&gpu, &scene, &options);
+        let mut checked = 0;
         for (x, y) in [(32, 24), (5, 40), (60, 10), (20, 30)] {
             let (origin, direction) = view.ray(Vec2::new(x as f32, y as f32) + 0.5);
             let t = -origin.y / direction.y;
@@ -75,7 +76,9 @@ fn lit_plane() {
                 (pixel - expected).abs().max_element() < 2e-3,
                 "{shadows} ({x}, {y}): {pixel} for {expected}"
             );
+            checked += 1;
         }
+        assert_eq!(checked, 4, "every probe is on the floor");
     }
     gpu.finish();
 }

@@ -249,13 +249,42 @@ fn the_stencil_restricts_what_follows() {
 fn array_textures_with_all_mips() {
     let gpu = TestGpu::open();
     let mut uploads = Uploads::new(&gpu, "uploads", 64).unwrap();
-    let layer = |value: u8| vec![value; 13 * 7 * 4];
-    let (first, second) = (layer(10), layer(200));
-    for format in [Format::Rgba8, Format::Rgba8Srgb] {
-        let image = uploads.texture("texture", format, (13, 7), &[&first, &second], true).unwrap();
+    // Columns of two values side by side.
+    let columns = |even: u8, odd: u8| -> Vec<u8> {
+        (0..14 * 7).flat_map(|texel| [if texel % 2 == 0 { even } else { odd }; 4]).collect()
+    };
+    let layers = [columns(10, 10), columns(0, 200), columns(0, 255)];
+    let mut commands = Commands::new(&gpu, "levels", 0).unwrap();
+    // Means of linear values: 200 and 255 are (0.578, 1) of it, and half of that is encoded as (147, 188).
+    for (format, means) in [(Format::Rgba8, [10, 100, 128]), (Format::Rgba8Srgb, [10, 147, 188])] {
+        let slices = layers.each_ref().map(Vec::as_slice);
+        let image = uploads.texture("texture", format, (14, 7), &slices, true).unwrap();
         uploads.flush().unwrap();
-        assert!(read::<u8>(&gpu, &image) == first, "level 0 of layer 0");
+        for (layer, (texels, mean)) in layers.iter().zip(means).enumerate() {
+            // 14x7, 7x3, 3x1, 1x1.
+            for (level, count) in [14 * 7, 7 * 3, 3, 1].into_iter().enumerate() {
+                let mut staging =
+                    ReadbackBuffer::new(&gpu, "back", 14 * 7 * 4, ReadbackChoice::Best).unwrap();
+                let mut recording = commands.begin().unwrap();
+                recording.read_level(&image, level as u32, layer as u32, &mut staging);
+                recording.submit_and_wait().unwrap();
+                let found = staging.read::<[u8; 4]>(count).unwrap().as_flattened();
+                if level == 0 {
+                    assert!(found == texels, "{format:?}: level 0 of layer {layer}");
+                    continue;
+                }
+                // Alpha is never encoded.
+                let alpha = [10, 100, 128][layer];
+                for (channel, &value) in found.iter().enumerate() {
+                    let expected: u8 = if channel % 4 == 3 { alpha } else { mean };
+                    assert!(
+                        value.abs_diff(expected) <= 2,
+                        "{format:?}: level {level} of layer {layer}: {value} for {expected}"
+                    );
+                }
+            }
+        }
     }
-    drop(uploads);
+    drop((uploads, commands));
     gpu.finish();
 }

@@ -12,6 +12,7 @@ use vertex_tracing::{
         frame_block::{FrameBlock, LightBlock},
         leaves::GpuLeaf,
         paper::{PaperLeaf, PaperVertex},
+        passes::{ARRAY_BINDINGS, LEAF_BINDINGS, SCENE_BINDINGS},
         vertex::VertexLayout,
     },
     spirv,
@@ -100,11 +101,12 @@ impl Module {
         self.constant_ids.iter().filter_map(value).collect()
     }
 
-    /// Set and binding of every named resource: a block goes by its first member.
+    /// Set and binding of every resource: a block without a name goes by its first member.
     fn bindings(&self) -> BTreeMap<&str, (u32, u32)> {
         let name = |variable: &u32| {
             let block = self.inner[&self.variables[variable]];
-            self.member_names.get(&(block, 0)).unwrap_or_else(|| &self.names[variable]).as_str()
+            let own = self.names.get(variable).filter(|name| !name.is_empty());
+            own.unwrap_or_else(|| &self.member_names[&(block, 0)]).as_str()
         };
         let places =
             self.places.iter().filter_map(|(variable, place)| Some((variable, (place[0]?, place[1]?))));
@@ -203,6 +205,9 @@ fn frame_and_leaves() {
     });
     assert_eq!(vertex.offsets("PaperVertex"), own);
     assert_eq!(vertex.offsets("PaperLeaf"), layout!(PaperLeaf { vertices, textures, cutoff }));
+    let strides =
+        BTreeMap::from([("vertices", size_of::<PaperVertex>()), ("leaves", size_of::<PaperLeaf>())]);
+    assert_eq!(vertex.strides(), strides);
 }
 
 #[test]
@@ -224,4 +229,17 @@ fn bindings() {
         assert_bindings(&module.bindings(), &[&FACE_BINDINGS, &MASK_BINDINGS]);
     }
     assert_bindings(&Module::read(spirv!("count_faces.comp")).bindings(), &[&device::BINDINGS]);
+    for (shader, count) in [
+        (&spirv!("leaf.vert")[..], 5),
+        (spirv!("exact.frag"), 8),
+        (spirv!("paper.vert"), 3),
+        (spirv!("paper.frag"), 3),
+        (spirv!("background.vert"), 1),
+        (spirv!("background.frag"), 1),
+    ] {
+        let module = Module::read(shader);
+        let found = module.bindings();
+        assert_eq!(found.len(), count, "{found:?}");
+        assert_bindings(&found, &[&SCENE_BINDINGS, &LEAF_BINDINGS, &ARRAY_BINDINGS]);
+    }
 }

@@ -164,16 +164,44 @@ impl<'a> Recording<'a> {
     pub fn read_rows(&mut self, image: &Image, rows: Range<u32>, target: &'a mut ReadbackBuffer) {
         assert!(!rows.is_empty() && rows.end <= image.height(), "{} has no rows {rows:?}", image.raw.name);
         let bytes = image.row_bytes() * rows.len() as u64;
-        assert!(bytes <= target.size(), "{} does not fit into {}", image.raw.name, target.raw.name);
-        self.image_access(&image.raw, Access::TransferRead, false);
-        self.buffer_access(&target.raw, Access::TransferWrite);
         let aspect =
             if image.format().is_depth() { vk::ImageAspectFlags::DEPTH } else { vk::ImageAspectFlags::COLOR };
-        let regions = [vk::BufferImageCopy {
+        let region = vk::BufferImageCopy {
             image_offset: vk::Offset3D { x: 0, y: rows.start as i32, z: 0 },
             image_extent: vk::Extent3D { width: image.width(), height: rows.len() as u32, depth: 1 },
             ..image_copy(&image.raw, aspect, 0, 0)
-        }];
+        };
+        self.read_region(image, region, bytes, target);
+    }
+
+    /// Copies one mip level of one layer of a texture to the start of `target`, row by row.
+    ///
+    /// # Panics
+    /// If it does not fit, or the image has no such level or layer.
+    pub fn read_level(&mut self, image: &Image, level: u32, layer: u32, target: &'a mut ReadbackBuffer) {
+        let name = &image.raw.name;
+        assert!(level < image.raw.mips && layer < image.raw.layers, "{name} has no level {level} of {layer}");
+        let (width, height) = ((image.width() >> level).max(1), (image.height() >> level).max(1));
+        let whole = image_copy(&image.raw, vk::ImageAspectFlags::COLOR, layer, 0);
+        let region = vk::BufferImageCopy {
+            image_subresource: vk::ImageSubresourceLayers { mip_level: level, ..whole.image_subresource },
+            image_extent: vk::Extent3D { width, height, depth: 1 },
+            ..whole
+        };
+        let bytes = u64::from(width) * u64::from(height) * image.format().texel_bytes();
+        self.read_region(image, region, bytes, target);
+    }
+
+    fn read_region(
+        &mut self,
+        image: &Image,
+        region: vk::BufferImageCopy,
+        bytes: u64,
+        target: &'a mut ReadbackBuffer,
+    ) {
+        assert!(bytes <= target.size(), "{} does not fit into {}", image.raw.name, target.raw.name);
+        self.image_access(&image.raw, Access::TransferRead, false);
+        self.buffer_access(&target.raw, Access::TransferWrite);
         // SAFETY: recording; the copy fits and both sides are in the right layout or access.
         unsafe {
             self.device().cmd_copy_image_to_buffer(
@@ -181,7 +209,7 @@ impl<'a> Recording<'a> {
                 image.raw.handle,
                 Access::TransferRead.layout(),
                 target.raw.handle,
-                &regions,
+                &[region],
             );
         }
         self.buffer_access(&target.raw, Access::HostRead);
