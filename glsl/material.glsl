@@ -82,7 +82,10 @@ vec3 mapped_normal(uint material, vec3 n, vec4 tangent, Coordinates at) {
     vec3 b = cross(n, t) * (tangent.w < 0.0 ? -1.0 : 1.0);
     vec3 texel = slot_texel(slot).xyz * 2.0 - 1.0;
     float scale = scene_floats(material + 3u).w;
-    return normalize(mat3(t, b, n) * (texel * vec3(scale, scale, 1.0)));
+    vec3 bent = mat3(t, b, n) * (texel * vec3(scale, scale, 1.0));
+    // Without a length that a float holds, it has no direction.
+    float squared = dot(bent, bent);
+    return squared > 0.0 && squared <= MAX_FLOAT ? normalize(bent) : n;
 }
 
 #endif

@@ -7,7 +7,7 @@ use vertex_tracing::{
     options::{Mode, Msaa, Shadows, VisibilityWay},
     report::metrics::{Encoding, compare},
     scene::{
-        AlphaMode, Background, Camera, Image, Material, Sampler, Volume,
+        AlphaMode, Background, Camera, Filter, Image, Material, Sampler, Volume,
         demo::{SceneBuilder, chrome, glass, matte, shape, texture},
         light::{Light, LightKind},
     },
@@ -290,5 +290,34 @@ fn normal_maps_let_no_light_through() {
     let frame = gpu.render(&scene, &options);
     let psnr = psnr(&image(&options, &traced(&scene, &options, 1, None)), &frame.image);
     assert!(psnr > 45.0, "{psnr:.1} dB");
+    gpu.finish();
+}
+
+/// A normal map so strong that its normals have no length a float holds leaves the surface as it is, drawn or traced.
+#[test]
+fn normal_maps_of_any_strength_leave_surfaces_lit() {
+    let gpu = TestGpu::open();
+    for scale in [1.0, 1e20, f32::MAX] {
+        let mut builder = SceneBuilder::new("embossed");
+        let texel = |i: u32| if i % 2 == 0 { [100, 128, 230, 255] } else { [150, 140, 230, 255] };
+        let rgba: Vec<u8> = (0..64).flat_map(texel).collect();
+        let image = Image { name: "bumps".into(), width: 8, height: 8, rgba: rgba.into() };
+        let nearest = Sampler { mag: Filter::Nearest, min: Filter::Nearest, mip: None, ..Sampler::default() };
+        let slot = builder.sampled_texture(image, nearest, false);
+        let embossed = Material { normal_texture: Some(slot), normal_scale: scale, ..matte("embossed") };
+        let embossed = builder.material(embossed);
+        builder.mesh("wall", shape::plane(vec3(-2.0, 0.0, 0.0), Vec3::X * 4.0, Vec3::Y * 3.0, 4.0), embossed);
+        builder.point_light(vec3(0.5, 2.0, 2.0), Vec3::splat(15.0));
+        builder.camera(Camera::look_at(vec3(0.0, 1.5, 3.0), vec3(0.0, 1.5, 0.0), 0.7));
+        let mut scene = builder.build().unwrap();
+        scene.geometry.tangents = vec![Vec4::X + Vec4::W; scene.geometry.positions.len()];
+        let options = options(96, 80);
+        let truth = traced(&scene, &options, 1, None);
+        let truth = common::image(&options, &truth);
+        let psnr = psnr(&truth, &gpu.render(&scene, &options).image);
+        println!("{scale:e}: {psnr:.1} dB");
+        assert!(psnr > 35.0, "{scale:e}: {psnr:.1} dB");
+        assert!(truth.pixels.iter().all(|pixel| pixel[0] > 0.01), "{scale:e}: the wall is lit");
+    }
     gpu.finish();
 }
