@@ -157,13 +157,15 @@ vec3 node_radiance(inout uint at, Branches branches, out uint branch) {
 bool traced_radiance(uint block, out vec3 traced) {
     uvec4 corner_and_size = node_words(block);
     uvec2 cell = (uvec2(gl_FragCoord.xy) >> frame.halvings) - corner_and_size.xy;
-    uint index = cell.y * corner_and_size.z + cell.x;
+    // Beside the block they wrap around, and so may the helpers of a fragment that is in it.
+    bool inside = all(lessThan(cell, corner_and_size.zw));
+    uint index = inside ? cell.y * corner_and_size.z + cell.x : 0u;
     // Two to a texel, as halves.
     uvec4 pair = node_words(block + 1u + index / 2u);
     uvec2 halves = (index & 1u) == 0u ? pair.xy : pair.zw;
     vec2 last = unpackHalf2x16(halves.y);
     traced = vec3(unpackHalf2x16(halves.x), last.x);
-    return all(lessThan(cell, corner_and_size.zw)) && last.y != 0.0;
+    return inside && last.y != 0.0;
 }
 
 void main() {
