@@ -114,7 +114,7 @@ vec3 first_radiance(vec3 direction, out vec3 texel) {
     vec3 point = position + direction * s;
     vec2 at = vec2(dot(first[1], vec4(point, 1.0)), dot(first[2], vec4(point, 1.0)));
     vec4 base_texel = vec4(1.0);
-    if (HAS_BASE_TEXTURES) base_texel = bound_texel(first_texture, floatBitsToUint(first[3].w), at);
+    if (HAS_BASE_TEXTURES) base_texel = bound_texel(first_texture, references.z, at);
     texel = base_texel.rgb;
     if (s <= 0.0) return vec3(0.0);
     vec4 constants[4] = vec4[4](vec4(first[3].rgb, 1.0), first[4], first[5], first[6]);
@@ -210,7 +210,7 @@ void main() {
         vec3 textured[2] = vec3[2](vec3(0.0), vec3(0.0));
         vec3 first_texel = vec3(1.0);
         uint first_branch = references.w >> 31;
-        if (references.z != NO_TARGET) {
+        if (references.z != NO_FIRST) {
             vec3 bounced = first_branch == 0u ? branches.reflected : branches.refracted;
             textured[first_branch] = first_radiance(bounced, first_texel);
         }

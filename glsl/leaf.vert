@@ -24,7 +24,7 @@ layout(location = 6) out vec3 comb_transmitted;
 layout(location = 7) out vec4 uv;          // both sets
 layout(location = 8) out vec4 tangent;
 layout(location = 9) flat out uvec4 header;         // material, lit, nodes, flags
-layout(location = 10) flat out uvec4 references;    // base colour, emission, first target, its lights
+layout(location = 10) flat out uvec4 references;    // base colour, emission, first patch's base colour, its lights
 layout(location = 11) flat out vec3 facet;
 layout(location = 12) flat out vec4 own[4];
 layout(location = 16) flat out vec4 first[7];
@@ -72,7 +72,7 @@ void main() {
 
     header = uvec4(leaf.material, leaf.lit, rest, leaf.flags);
     uvec4 textures = scene_words(leaf.material + 4u);
-    references = uvec4(textures.x, textures.y, leaf.first_target, leaf.first_lit);
+    references = uvec4(textures.x, textures.y, NO_FIRST, leaf.first_lit);
     vec3 a = vertex_position(leaf.vertices[0]);
     facet = cross(vertex_position(leaf.vertices[1]) - a, vertex_position(leaf.vertices[2]) - a);
     material_constants(leaf.material, own);
@@ -86,8 +86,8 @@ void main() {
         first[0] = scene_floats(leaf.first_target);
         first[1] = scene_floats(leaf.first_target + 2u);
         first[2] = scene_floats(leaf.first_target + 3u);
+        references.z = scene_words(material + 4u).x;
         first[3] = constants[0];
-        first[3].w = uintBitsToFloat(scene_words(material + 4u).x);
         first[4] = constants[1];
         first[5] = constants[2];
         first[6] = constants[3];

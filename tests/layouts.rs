@@ -40,6 +40,14 @@ struct Module {
     first_members: HashMap<u32, u32>,
     /// Pointer type of each variable.
     variables: HashMap<u32, u32>,
+    /// Those that are inputs.
+    inputs: Vec<u32>,
+    /// Types of floats.
+    floats: Vec<u32>,
+    /// What each pointer into a variable points into, what each float was loaded from, and whose bits are read anew.
+    chains: HashMap<u32, u32>,
+    loads: HashMap<u32, u32>,
+    bitcasts: Vec<u32>,
 }
 
 impl Module {
@@ -64,7 +72,18 @@ impl Module {
                 (28 | 29, [id, element, ..]) => drop(module.inner.insert(*id, *element)),
                 (30, [id, first, ..]) => drop(module.first_members.insert(*id, *first)),
                 (32, [id, _, target]) => drop(module.inner.insert(*id, *target)),
-                (59, [kind, id, ..]) => drop(module.variables.insert(*id, *kind)),
+                (59, [kind, id, class, ..]) => {
+                    module.variables.insert(*id, *kind);
+                    if *class == 1 {
+                        module.inputs.push(*id);
+                    }
+                }
+                (22, [id, ..]) => module.floats.push(*id),
+                (61, [kind, id, pointer, ..]) if module.floats.contains(kind) => {
+                    module.loads.insert(*id, *pointer);
+                }
+                (65, [_, id, base, ..]) => drop(module.chains.insert(*id, *base)),
+                (124, [_, _, operand]) => module.bitcasts.push(*operand),
                 _ => {}
             }
             at += count;
@@ -208,6 +227,18 @@ fn frame_and_leaves() {
     let strides =
         BTreeMap::from([("vertices", size_of::<PaperVertex>()), ("leaves", size_of::<PaperLeaf>())]);
     assert_eq!(vertex.strides(), strides);
+}
+
+#[test]
+fn references_do_not_travel_as_floats() {
+    // A device may flush a denormal float on its way, and change the bits of a NaN.
+    let module = Module::read(spirv!("exact.frag"));
+    let varying = |value: &u32| {
+        let base = module.chains.get(module.loads.get(value)?)?;
+        module.inputs.contains(base).then(|| &module.names[base])
+    };
+    assert!(module.bitcasts.len() > 10);
+    assert_eq!(module.bitcasts.iter().filter_map(varying).collect::<Vec<_>>(), Vec::<&String>::new());
 }
 
 #[test]
