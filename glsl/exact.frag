@@ -4,6 +4,7 @@
 #extension GL_GOOGLE_include_directive : require
 #include "shading.glsl"
 #include "environment.glsl"
+#include "leaf_inputs.glsl"
 
 // What the leaves of this draw may have: LEAVES_PLAIN no specular part, LEAVES_FIRST at most the patch that the
 // view ray meets after one bounce, LEAVES_NODES any number of textures besides, LEAVES_ALL nodes of any kind;
@@ -19,23 +20,6 @@ layout(constant_id = 4) const bool EQUATION_FOUR = false;
 layout(constant_id = 10) const bool CODED = false;
 
 layout(set = 1, binding = 2) uniform usamplerBuffer node_table;
-
-// At the pixel's centre even where that is beside the leaf: most edges have a leaf in the same plane behind them, and a centroid
-// would move what is looked up, and tear its derivatives, along all of them.
-layout(location = 0) in vec3 position;
-layout(location = 1) in vec3 normal;
-layout(location = 2) in vec4 slot_uv;
-layout(location = 3) in vec3 weights;
-layout(location = 4) in vec4 color;
-layout(location = 5) in vec3 comb_reflected;
-layout(location = 6) in vec3 comb_transmitted;
-layout(location = 7) in vec4 uv;
-layout(location = 8) in vec4 tangent;
-layout(location = 9) flat in uvec4 header;
-layout(location = 10) flat in uvec4 references;
-layout(location = 11) flat in vec3 facet;
-layout(location = 12) flat in vec4 own[4];
-layout(location = 16) flat in vec4 first[7];
 
 layout(location = 0) out vec4 radiance;
 
@@ -175,6 +159,7 @@ void main() {
         radiance = vec4(traced, 1.0);
         return;
     }
+    find_place();
     vec3 d = view_direction(position);
     vec3 n = normalize(normal);
     // Without specular part its side alone matters.

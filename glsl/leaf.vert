@@ -28,6 +28,7 @@ layout(location = 10) flat out uvec4 references;    // base colour, emission, fi
 layout(location = 11) flat out vec3 facet;
 layout(location = 12) flat out vec4 own[4];
 layout(location = 16) flat out vec4 first[7];
+layout(location = 23) centroid out vec2 covered;    // the first two weights again
 
 invariant gl_Position;
 
@@ -58,6 +59,7 @@ void main() {
     slot_uv =
         vec4(slot_coordinates(leaf.material, 0u, vertex.uv), slot_coordinates(leaf.material, 1u, vertex.uv));
     weights = vec3(corner == 0u, corner == 1u, corner == 2u);
+    covered = weights.xy;
     if (HAS_VERTEX_COLORS) color = vertex.color;
     if ((FEATURES & FEATURE_DETAIL_TEXTURES) != 0u) uv = vertex.uv;
     if (HAS_NORMAL_TEXTURES) tangent = vertex.tangent;

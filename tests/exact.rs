@@ -9,12 +9,12 @@ use vertex_tracing::{
     report::FloatImage,
     scene::{
         Camera, Material, View, Volume,
-        demo::{Demo, SceneBuilder, chrome, glass, matte, shape, texture},
+        demo::{Demo, Mesh, SceneBuilder, chrome, glass, matte, shape, texture},
     },
 };
 
 use common::floor::{floor_uv, glowing_floor, shown_uv};
-use common::{TestGpu, image, options, over_vt, traced};
+use common::{TestGpu, image, options, over_vt, psnr, traced};
 
 const IOR: f32 = 1.5;
 
@@ -184,6 +184,65 @@ fn coverage_samples_do_not_tear_textures() {
     println!("{one} pixels are off with one sample, {four} with four");
     assert!(four <= one + one / 10, "{one} pixels are off with one sample, {four} with four");
     gpu.finish();
+}
+
+/// A mast of faces that are narrower than a pixel where it curves away: what they show is on them, not where their planes
+/// meet the ray through a pixel's centre.
+#[test]
+fn coverage_samples_leave_no_dots_on_slivers() {
+    let gpu = TestGpu::open();
+    let mut builder = tiled_room("mast");
+    let silver = builder.material(chrome("silver", Vec3::splat(0.95)));
+    builder.mesh("mast", mast(0.15, 2.8, 200).translated(Vec3::X * -0.5), silver);
+    let film = builder.material(film());
+    builder.mesh("tube", mast(0.2, 2.8, 150).translated(vec3(0.5, 0.0, 0.3)), film);
+    builder.camera(Camera::look_at(vec3(0.0, 1.4, 2.7), vec3(0.0, 1.2, 0.0), 0.9));
+    let scene = builder.build().unwrap();
+    let shown = |msaa| {
+        let mut options = options(200, 160);
+        options.method.msaa = msaa;
+        let truth = image(&options, &traced(&scene, &options, 16, None));
+        psnr(&truth, &gpu.render(&scene, &options).image)
+    };
+    let (one, four) = (shown(Msaa::One), shown(Msaa::Four));
+    println!("{one:.1} dB with one sample, {four:.1} with four");
+    assert!(four > one + 1.0, "{one:.1} dB with one sample, {four:.1} with four");
+    gpu.finish();
+}
+
+/// A room of 6 by 3 by 6 with chequered walls and a light near its ceiling.
+fn tiled_room(name: &str) -> SceneBuilder {
+    let mut builder = SceneBuilder::new(name);
+    let tiles = builder.texture(texture::chessboard(128));
+    let wall = builder.material(matte("wall").textured(tiles));
+    let (x, y, z) = (Vec3::X * 6.0, Vec3::Y * 3.0, Vec3::Z * 6.0);
+    builder.mesh("floor", shape::plane(vec3(-3.0, 0.0, 3.0), x, -z, 1.0), wall);
+    builder.mesh("ceiling", shape::plane(vec3(-3.0, 3.0, -3.0), x, z, 1.0), wall);
+    builder.mesh("back", shape::plane(vec3(-3.0, 0.0, -3.0), x, y, 1.0), wall);
+    builder.mesh("front", shape::plane(vec3(3.0, 0.0, 3.0), -x, y, 1.0), wall);
+    builder.mesh("left", shape::plane(vec3(-3.0, 0.0, 3.0), -z, y, 1.0), wall);
+    builder.mesh("right", shape::plane(vec3(3.0, 0.0, -3.0), z, y, 1.0), wall);
+    builder.point_light(vec3(1.0, 2.6, 1.0), Vec3::splat(20.0));
+    builder
+}
+
+/// Glass without a body.
+fn film() -> Material {
+    Material { volume: None, double_sided: true, ..glass("film", IOR) }
+}
+
+/// An upright cylinder of two faces a segment, smooth, without ends.
+fn mast(radius: f32, height: f32, segments: u32) -> Mesh {
+    let mut mesh = Mesh::default();
+    for i in 0..segments {
+        let (z, x) = (std::f32::consts::TAU * i as f32 / segments as f32).sin_cos();
+        let normal = vec3(x, 0.0, z);
+        mesh.positions.extend([normal * radius, normal * radius + Vec3::Y * height]);
+        mesh.normals.extend([normal; 2]);
+        let (here, next) = (2 * i, 2 * ((i + 1) % segments));
+        mesh.faces.extend([[here, here + 1, next + 1], [here, next + 1, next]]);
+    }
+    mesh
 }
 
 /// Unrefined, a room shows what its corners see, which are other walls' corners as well.

@@ -8,9 +8,9 @@ use super::instance::{INSTALL_DRIVER, Instance};
 use crate::constants::MAX_BANK_ARRAYS;
 use crate::error::{Error, Result};
 
-/// Components that the vertices of a leaf hand on to its fragments: locations 0 to 22 of glsl/leaf.vert. Vulkan
+/// Components that the vertices of a leaf hand on to its fragments: locations 0 to 23 of glsl/leaf.vert. Vulkan
 /// promises 64; graphics cards have 116 and more.
-const VARYINGS: u32 = 23 * 4;
+const VARYINGS: u32 = 24 * 4;
 
 /// Samplers of a fragment shader: the bank's, the environment's, and those of a draw's own three arrays. Vulkan promises 16.
 const SAMPLERS: u32 = MAX_BANK_ARRAYS + 4;
