@@ -52,6 +52,8 @@ shared_constants! {
     NO_TEXTURE: u32 = 0xffff_ffff;
     /// In place of the texture of the patch that the view ray meets after one bounce: it meets none.
     NO_FIRST: u32 = 0xffff_fffe;
+    /// Most samples of anisotropic filters.
+    ANISOTROPY: u32 = 8;
     /// Largest finite float.
     MAX_FLOAT: f32 = 3.402_823_5e38;
     /// Texel of a material at which its texture slots' transforms begin, two texels a slot.

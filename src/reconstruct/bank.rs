@@ -6,7 +6,7 @@
 use half::f16;
 use image::{RgbaImage, imageops};
 
-use crate::constants::{MAX_BANK_ARRAYS, NO_TEXTURE};
+use crate::constants::{ANISOTROPY, MAX_BANK_ARRAYS, NO_TEXTURE};
 use crate::error::Result;
 use crate::gpu::{AddressMode, Format, Image, ImageDesc, SamplerDesc, TexelFilter, Uploads};
 use crate::options::FilterMode;
@@ -144,6 +144,11 @@ impl Bank {
         self.arrays.len() as u32
     }
 
+    /// Whether textures are filtered anisotropically.
+    pub fn is_anisotropic(&self) -> bool {
+        self.arrays.iter().any(|(_, sampler)| sampler.anisotropy > 1)
+    }
+
     /// What the binding `bank` takes: the arrays, the first one again where there are fewer.
     pub fn bindings(&self) -> Vec<(&Image, SamplerDesc)> {
         (0..MAX_BANK_ARRAYS as usize)
@@ -274,6 +279,6 @@ fn filtered(sampler: &Sampler, filter: FilterMode) -> SamplerDesc {
     match filter {
         FilterMode::File => own,
         FilterMode::Trilinear => trilinear,
-        FilterMode::Aniso8 => SamplerDesc { anisotropy: 8, ..trilinear },
+        FilterMode::Aniso8 => SamplerDesc { anisotropy: ANISOTROPY as u8, ..trilinear },
     }
 }

@@ -82,6 +82,7 @@ impl Painter {
             (3, key.components),
             (4, u32::from(self.options.equation == Equation::Four)),
             (5, self.options.lights),
+            (6, u32::from(self.bank.is_anisotropic())),
             (7, u32::from(self.options.samples > 1)),
             (9, u32::from(key.mixed)),
             (10, u32::from(matches!(key.mark, Mark::Set(_)))),
