@@ -12,7 +12,7 @@ use std::time::{Duration, Instant};
 use crate::constants::COMPONENT_PRIMARY;
 use crate::error::{Error, Result};
 use crate::gpu::Gpu;
-use crate::options::{EffortOptions, Options};
+use crate::options::{EffortOptions, FilterMode, Options};
 use crate::pixels::smooth::Smoothing;
 use crate::plan::Plan;
 use crate::reconstruct::drawn::Drawn;
@@ -26,6 +26,7 @@ use crate::refine::structure::Structure;
 use crate::report::image::FloatImage;
 use crate::report::stats::{self, Stats};
 use crate::scene::{Scene, View};
+use crate::trace::pyramid::Pyramids;
 use crate::trace::{Rays, Settings, Tracer};
 use crate::visibility::{Adjacency, Class, Finder, Found};
 
@@ -42,7 +43,16 @@ struct Traced<'s> {
     structures: Vec<Structure>,
     adjacency: Adjacency,
     classes: Vec<Class>,
+    /// Mip levels for pixels that are traced, if textures have any.
+    pyramids: Option<Pyramids>,
     bvh_ms: f64,
+}
+
+impl Traced<'_> {
+    /// How the textures of pixels that are traced are filtered; `None` where they are read at level 0 alone.
+    fn filter(&self) -> Option<FilterMode> {
+        self.pyramids.as_ref().map(Pyramids::filter)
+    }
 }
 
 /// Renders frames of one scene on one device.
@@ -125,7 +135,7 @@ impl<'s> Renderer<'s> {
     pub fn reusing(mut kept: Kept, gpu: &Arc<Gpu>, scene: &'s Scene, options: &Options) -> Result<Self> {
         options.check().map_err(Error::Option)?;
         let plan = Plan::after(kept.plan.take(), scene, options);
-        let traced = plan.has_rays().then(|| kept.traced(scene, &plan));
+        let traced = plan.has_rays().then(|| kept.traced(scene, &plan, options.method.filter));
         let sampled = traced.as_ref().filter(|_| plan.traces());
         let classes = sampled.map(|traced| traced.classes.as_slice());
         let way = options.method.visibility;
@@ -133,7 +143,7 @@ impl<'s> Renderer<'s> {
         let painted = kept.painted(gpu, scene, (options, &plan), classes)?;
         let settings = Settings { depth: plan.depth, ..Settings::new(&options.paths, &options.scene) };
         if let Some(samples) = &mut kept.samples {
-            samples.trace_with(&settings, scene);
+            samples.trace_with(&settings, scene, traced.as_ref().and_then(Traced::filter));
         }
         Ok(Self {
             gpu: gpu.clone(),
@@ -175,7 +185,7 @@ impl<'s> Renderer<'s> {
     /// pictures are the same, to the last bit.
     pub fn keep_samples(&mut self, most_bytes: usize) {
         let mut samples = Samples::new(most_bytes);
-        samples.trace_with(&self.settings, self.scene);
+        samples.trace_with(&self.settings, self.scene, self.traced.as_ref().and_then(Traced::filter));
         self.samples = Some(samples);
     }
 

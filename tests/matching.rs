@@ -55,7 +55,13 @@ fn corners_match_in_any_order() {
 
         let tracer = Tracer::new(&scene);
         let view = View::new(&scene.cameras[0], 160, 128, scene.bounds());
-        let context = Context { tracer: &tracer, targets: &plan.targets, settings: &settings, view: &view };
+        let context = Context {
+            tracer: &tracer,
+            targets: &plan.targets,
+            settings: &settings,
+            view: &view,
+            pyramids: None,
+        };
         let specular: Vec<u32> =
             (0..scene.geometry.faces.len() as u32).filter(|&face| scene.is_vt(face)).collect();
         let mesh = Mesh::new(&scene, &plan.topology, &view, &specular);

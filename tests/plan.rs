@@ -365,6 +365,7 @@ fn mips_exist_where_a_sampler_asks_for_them() {
         });
         let plan = Plan::new(&scene, &options());
         assert_eq!(left_out(&plan, "mip levels"), left);
+        assert_eq!(left_out(&plan, "filtering of pixels traced one by one"), left);
         let bytes = plan.textures.bytes(&scene, options().method.filter);
         assert_eq!(bytes > 4 * 64 * 64, !left, "{bytes}");
     }

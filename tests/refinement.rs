@@ -137,7 +137,7 @@ fn refine<T>(scene: &Scene, view: &View, look: impl FnOnce(&mut Refiner, usize) 
     let structures = Structure::all(scene);
     let ids = ids(&tracer, view);
     let settings = Settings::default();
-    let context = Context { tracer: &tracer, targets: &targets, settings: &settings, view };
+    let context = Context { tracer: &tracer, targets: &targets, settings: &settings, view, pyramids: None };
     let predictor = Predictor {
         targets: &targets,
         structures: &structures,

@@ -47,7 +47,8 @@ pub fn frame(bytes: &[u8]) -> bool {
     let topology = Topology::new(&scene.geometry);
     let targets = Targets::new(&scene, &topology);
     let structures = Structure::all(&scene);
-    let context = Context { tracer: &tracer, targets: &targets, settings: &settings, view: &view };
+    let context =
+        Context { tracer: &tracer, targets: &targets, settings: &settings, view: &view, pyramids: None };
     let predictor = Predictor {
         targets: &targets,
         structures: &structures,

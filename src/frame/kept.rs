@@ -18,6 +18,7 @@ use crate::refine::reserve::Reserve;
 use crate::refine::store::SampleStore;
 use crate::refine::structure::Structure;
 use crate::scene::{Light, Scene};
+use crate::trace::pyramid::Pyramids;
 use crate::trace::{Hierarchy, Settings, Tracer};
 use crate::visibility::{self, Adjacency, Class, Finder};
 
@@ -39,6 +40,7 @@ pub(super) struct TracedParts {
     hierarchy: Hierarchy,
     structures: Vec<Structure>,
     adjacency: Adjacency,
+    pyramids: Option<Pyramids>,
     bvh_ms: f64,
 }
 
@@ -47,6 +49,8 @@ pub(super) struct Samples {
     pub vertices: SampleStore,
     pub pixels: PixelStore,
     traced_with: Option<(Settings, Vec<Light>, f32)>,
+    /// Of pixels alone: samples read textures at level 0.
+    filtered_by: Option<FilterMode>,
 }
 
 /// What draws, and what it was made for.
@@ -67,21 +71,24 @@ struct MadeFor {
 
 impl Kept {
     /// What tracing needs of `scene`.
-    pub(super) fn traced<'s>(&mut self, scene: &'s Scene, plan: &Plan) -> Traced<'s> {
+    pub(super) fn traced<'s>(&mut self, scene: &'s Scene, plan: &Plan, filter: FilterMode) -> Traced<'s> {
+        let pyramids = Pyramids::new(scene, &plan.textures.textures, filter);
         let classes = visibility::classes(scene, plan.receivers);
         let structures = |known: Vec<Structure>| match plan.specular && known.is_empty() {
             true => Structure::all(scene),
             false => known,
         };
-        if let Some(TracedParts { hierarchy, structures: known, adjacency, bvh_ms }) = self.traced.take() {
+        if let Some(parts) = self.traced.take() {
+            let TracedParts { hierarchy, structures: known, adjacency, pyramids: made, bvh_ms } = parts;
             let tracer = Tracer::with(scene, hierarchy);
-            return Traced { tracer, structures: structures(known), adjacency, classes, bvh_ms };
+            let pyramids = pyramids.map(|pyramids| pyramids.or_same(made));
+            return Traced { tracer, structures: structures(known), adjacency, classes, pyramids, bvh_ms };
         }
         let started = Instant::now();
         let tracer = Tracer::new(scene);
         let bvh_ms = ms(started);
         let adjacency = Adjacency::new(scene, &plan.topology);
-        Traced { tracer, structures: structures(Vec::new()), adjacency, classes, bvh_ms }
+        Traced { tracer, structures: structures(Vec::new()), adjacency, classes, pyramids, bvh_ms }
     }
 
     /// What finds visible faces of `scene` in the way that `options` say.
@@ -145,24 +152,33 @@ impl Kept {
 
 impl Traced<'_> {
     pub(super) fn into_parts(self) -> TracedParts {
-        let Self { tracer, structures, adjacency, bvh_ms, .. } = self;
-        TracedParts { hierarchy: tracer.into_hierarchy(), structures, adjacency, bvh_ms }
+        let Self { tracer, structures, adjacency, pyramids, bvh_ms, .. } = self;
+        TracedParts { hierarchy: tracer.into_hierarchy(), structures, adjacency, pyramids, bvh_ms }
     }
 }
 
 impl Samples {
     /// No samples yet; at most about `most_bytes` bytes of them.
     pub fn new(most_bytes: usize) -> Self {
-        Self { vertices: SampleStore::new(most_bytes), pixels: PixelStore::default(), traced_with: None }
+        Self {
+            vertices: SampleStore::new(most_bytes),
+            pixels: PixelStore::default(),
+            traced_with: None,
+            filtered_by: None,
+        }
     }
 
-    /// Forgets samples that `settings` and the lights of `scene` would not give.
-    pub fn trace_with(&mut self, settings: &Settings, scene: &Scene) {
+    /// Forgets samples that `settings` and the lights of `scene` would not give, and pixels that `filter` would not.
+    pub fn trace_with(&mut self, settings: &Settings, scene: &Scene, filter: Option<FilterMode>) {
         let now = (*settings, scene.lights.clone(), scene.ambient);
         if self.traced_with.as_ref() != Some(&now) {
             self.vertices.clear();
             self.pixels.clear();
             self.traced_with = Some(now);
+        }
+        if self.filtered_by != filter {
+            self.pixels.clear();
+            self.filtered_by = filter;
         }
     }
 }

@@ -81,11 +81,11 @@ impl Job<'_> {
         observer: Option<&mut LeafObserver>,
     ) -> Result<Sampled> {
         let Self { matcher: &Matcher { scene, targets, .. }, settings, options, view, .. } = *self;
-        let Traced { tracer, structures, .. } = traced;
+        let Traced { tracer, structures, pyramids, .. } = traced;
         note_visible(stats, visible);
 
         let time = Instant::now();
-        let context = Context { tracer, targets, settings, view };
+        let context = Context { tracer, targets, settings, view, pyramids: pyramids.as_ref() };
         let reconstruction = options.method.reconstruction;
         let exact = reconstruction == Reconstruction::Exact;
         // The paper's queue knows no guard.

@@ -2,6 +2,9 @@
 
 use std::{fmt, str::FromStr};
 
+use crate::constants::ANISOTROPY;
+use crate::scene::{Filter, Sampler};
+
 /// An option that takes one of a few names.
 pub trait Choice: Copy + PartialEq + 'static {
     /// Every value with its name on the command line and what it means.
@@ -131,6 +134,27 @@ choices! {
         Depth = "depth": "number of specular bounces",
         Ids = "ids": "the ID buffer",
         VtMask = "vt-mask": "pixels of specular VT objects, white; a mask for compare",
+    }
+}
+
+impl FilterMode {
+    /// How a texture of `sampler` is read.
+    pub fn sampler(self, sampler: &Sampler) -> Sampler {
+        match self {
+            Self::File => *sampler,
+            Self::Trilinear | Self::Aniso8 => {
+                let linear = Filter::Linear;
+                Sampler { mag: linear, min: linear, mip: Some(linear), ..*sampler }
+            }
+        }
+    }
+
+    /// Greatest ratio of the axes of what a lookup covers.
+    pub fn anisotropy(self) -> u8 {
+        match self {
+            Self::File | Self::Trilinear => 1,
+            Self::Aniso8 => ANISOTROPY as u8,
+        }
     }
 }
 

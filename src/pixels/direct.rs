@@ -14,6 +14,7 @@ use crate::error::{Error, Result};
 use crate::options::{Msaa, Options, Ss};
 use crate::scene::{Scene, View};
 use crate::trace::Rays;
+use crate::trace::cone::Filtering;
 use crate::trace::sample::Context;
 use crate::trace::wave::Points;
 use crate::visibility::{Class, Found, IdImage};
@@ -134,6 +135,7 @@ impl Direct {
             store.look_at(context.view);
         }
         let known = store.as_deref();
+        let filtering = context.filtering();
         let stride = self.pixels.div_ceil(most).max(1) as usize;
         let rows: Vec<u32> = (0..context.view.height).step_by(stride).collect();
         let mut total = Rays::default();
@@ -143,7 +145,8 @@ impl Direct {
             if interrupt.load(Ordering::Relaxed) {
                 return Err(Error::Interrupted);
             }
-            let bands = rows.par_chunks(TILE).map(|rows| self.trace_band(context, ids, rows, known));
+            let bands =
+                rows.par_chunks(TILE).map(|rows| self.trace_band(context, filtering, ids, rows, known));
             for (pixels, rays) in bands.collect::<Vec<_>>() {
                 total += rays;
                 all.extend(pixels);
@@ -163,13 +166,14 @@ impl Direct {
     fn trace_band(
         &self,
         context: &Context,
+        filtering: Option<Filtering>,
         ids: IdImage,
         rows: &[u32],
         known: Option<&PixelStore>,
     ) -> (Vec<PicturePixel>, Rays) {
         let Context { tracer, settings, view, .. } = *context;
         let (mut pixels, mut pending) = (Vec::new(), Vec::new());
-        let mut points = Points::new(tracer, settings);
+        let mut points = Points::new(tracer, settings).filtered(filtering);
         for left in (0..view.width).step_by(TILE) {
             let columns = left..(left + TILE as u32).min(view.width);
             for (x, y) in rows.iter().flat_map(|&y| columns.clone().map(move |x| (x, y))) {

@@ -98,6 +98,10 @@ pub fn trace(
 /// Traces `points` of `pixels`, those of a tile together.
 fn trace_points(context: &Context, mesh: &Mesh, points: &[Point], pixels: &mut [TracedPixel]) -> Rays {
     let &Context { tracer, settings, view, .. } = context;
+    if points.is_empty() {
+        return Rays::default();
+    }
+    let filtering = context.filtering();
     let across = view.width.div_ceil(TILE);
     let place = |pixel: &TracedPixel| (pixel.index % view.width, pixel.index / view.width);
     let tile = |point: &Point| {
@@ -115,7 +119,7 @@ fn trace_points(context: &Context, mesh: &Mesh, points: &[Point], pixels: &mut [
         *next += 1;
     }
     let tiles = starts.par_windows(2).filter(|ends| ends[0] < ends[1]).map_init(
-        || Points::new(tracer, settings),
+        || Points::new(tracer, settings).filtered(filtering),
         |wave, ends| {
             let before = wave.rays();
             for &index in &order[ends[0]..ends[1]] {

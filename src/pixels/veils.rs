@@ -84,10 +84,11 @@ impl Veils {
         interrupt: &AtomicBool,
     ) -> Result<(Vec<PicturePixel>, Rays)> {
         let Context { tracer, settings, view, .. } = *context;
+        let filtering = context.filtering();
         let stride = self.pixels.div_ceil(most).max(1) as usize;
         let bands = (0..view.height.div_ceil(TILE)).into_par_iter().step_by(stride).map(|band| {
             let rows = band * TILE..((band + 1) * TILE).min(view.height);
-            let mut rays = ViewRays::new(tracer, settings, true);
+            let mut rays = ViewRays::new(tracer, settings, true).filtered(filtering);
             let mut pixels: Vec<PicturePixel> = Vec::new();
             for left in (0..view.width).step_by(TILE as usize) {
                 if interrupt.load(Ordering::Relaxed) {

@@ -120,7 +120,7 @@ impl Plan {
 
         let passes = wanted_passes(options, &used, specular, &mut needs);
         let features = features::wanted(scene, &used, &targets, specular, &mut needs);
-        let textures = wanted_textures(scene, options, &used, &mut needs);
+        let textures = wanted_textures(scene, options, &used, traces, &mut needs);
         needs.option(options.method.msaa == Msaa::One, "multisampling", "--msaa 1");
         needs.option(options.method.ss == Ss::One, "supersampling", "--ss 1");
         needs.option(!smooths, "edges traced again", "--pixel-samples 1");
@@ -199,7 +199,7 @@ fn wanted_passes(options: &Options, used: &Used, specular: bool, needs: &mut Nee
 }
 
 /// The textures that are uploaded.
-fn wanted_textures(scene: &Scene, options: &Options, used: &Used, needs: &mut Needs) -> Wanted {
+fn wanted_textures(scene: &Scene, options: &Options, used: &Used, traces: bool, needs: &mut Needs) -> Wanted {
     let textures = Wanted {
         textures: used.textures.iter().map(|&used| used || options.everything).collect(),
         all_mips: options.everything,
@@ -212,6 +212,11 @@ fn wanted_textures(scene: &Scene, options: &Options, used: &Used, needs: &mut Ne
         let mipped = textures.of(scene).any(|(_, texture)| texture.sampler.mip.is_some());
         let forced = options.method.filter != FilterMode::File;
         needs.part(mipped || forced, "mip levels", "no sampler asks for them");
+        let exact = options.method.reconstruction == Reconstruction::Exact;
+        if traces && exact && !options.effort.preview {
+            let why = "no sampler asks for mip levels";
+            needs.part(mipped || forced, "filtering of pixels traced one by one", why);
+        }
     }
     textures
 }

@@ -6,7 +6,7 @@
 use half::f16;
 use image::{RgbaImage, imageops};
 
-use crate::constants::{ANISOTROPY, MAX_BANK_ARRAYS, NO_TEXTURE};
+use crate::constants::{MAX_BANK_ARRAYS, NO_TEXTURE};
 use crate::error::Result;
 use crate::gpu::{AddressMode, Format, Image, ImageDesc, SamplerDesc, TexelFilter, Uploads};
 use crate::options::FilterMode;
@@ -269,16 +269,5 @@ fn panorama_image(uploads: &mut Uploads, panorama: &Environment) -> Result<(Imag
 }
 
 fn filtered(sampler: &Sampler, filter: FilterMode) -> SamplerDesc {
-    let own = sampler::sampler(sampler);
-    let trilinear = SamplerDesc {
-        mag: TexelFilter::Linear,
-        min: TexelFilter::Linear,
-        mip: Some(TexelFilter::Linear),
-        ..own
-    };
-    match filter {
-        FilterMode::File => own,
-        FilterMode::Trilinear => trilinear,
-        FilterMode::Aniso8 => SamplerDesc { anisotropy: ANISOTROPY as u8, ..trilinear },
-    }
+    SamplerDesc { anisotropy: filter.anisotropy(), ..sampler::sampler(&filter.sampler(sampler)) }
 }

@@ -2,9 +2,10 @@
 
 use glam::Vec3;
 
+use super::cone::{Cone, Filtering};
 use super::finish::Finish;
 use super::light::Incident;
-use super::optics::{self, At, Leaving};
+use super::optics::{self, At, BranchKind, Leaving};
 use super::real::{Real, Triple};
 use super::shade::{Lights, MASK_LIGHTS};
 use super::shaft::Shafts;
@@ -23,6 +24,8 @@ pub(super) struct Ray {
     pub start: Vec3,
     /// Share of the radiance along it that reaches the eye.
     pub throughput: Vec3,
+    /// Where it starts; nothing where textures are not filtered.
+    pub cone: Cone,
     /// Material of the body that it runs through, or [`OUTSIDE`](Self::OUTSIDE).
     pub body: u32,
 }
@@ -37,6 +40,8 @@ pub(super) struct Arrival {
     pub hit: Hit,
     /// Share of the radiance along it that reaches the eye.
     pub throughput: Vec3,
+    /// Where it arrives; nothing where textures are not filtered.
+    pub cone: Cone,
 }
 
 impl Ray {
@@ -57,6 +62,8 @@ pub(super) const FEWEST_POINTS: usize = 3;
 pub(super) struct Arrive<'a> {
     pub tracer: &'a Tracer<'a>,
     pub settings: &'a Settings,
+    /// How textures are; `None` where they are read at level 0.
+    pub filtering: Option<Filtering<'a>>,
     /// The finish of all the faces; plain.
     pub finish: &'a Finish,
     /// Among which shadow rays look; `None` where none are asked for.
@@ -73,28 +80,44 @@ pub(super) struct Arrive<'a> {
     pub rays: &'a mut Rays,
 }
 
+/// The same where textures are filtered: compiled apart, so that the others carry nothing of it.
+pub(super) struct ArriveFiltered<'a>(pub Arrive<'a>);
+
 impl Work for Arrive<'_> {
     #[inline(always)]
     fn run<S: Isa>(mut self, simd: S) {
-        let slot = self.finish.texture.as_ref();
-        let texture = slot.map(|slot| Texels::new(self.tracer.scene(), slot));
-        for which in self.which.chunks(WIDTH) {
-            self.some(simd, texture.as_ref(), which);
-        }
+        self.all::<S, false>(simd);
+    }
+}
+
+impl Work for ArriveFiltered<'_> {
+    #[inline(always)]
+    fn run<S: Isa>(mut self, simd: S) {
+        self.0.all::<S, true>(simd);
     }
 }
 
 impl Arrive<'_> {
     #[inline(always)]
-    fn some<S: Isa>(&mut self, simd: S, texture: Option<&Texels>, which: &[u32]) {
+    fn all<S: Isa, const FILTERED: bool>(&mut self, simd: S) {
+        let slot = self.finish.texture.as_ref();
+        let texture = slot.map(|slot| Texels::new(self.tracer.scene(), slot));
+        for which in self.which.chunks(WIDTH) {
+            self.some::<S, FILTERED>(simd, texture.as_ref(), which);
+        }
+    }
+
+    #[inline(always)]
+    fn some<S: Isa, const FILTERED: bool>(&mut self, simd: S, texture: Option<&Texels>, which: &[u32]) {
         let Self { tracer, settings, finish, .. } = *self;
+        let filtering = if FILTERED { self.filtering } else { None };
         let scene = tracer.scene();
         let [mut positions, mut normals, mut facets, mut directions, mut throughputs, mut texels]: [Lanes3;
             6] = [[[0.0; WIDTH]; 3]; 6];
         let mut offsets = [0.0; WIDTH];
         let mut places = [Place::default(); WIDTH];
         for (lane, &index) in which.iter().enumerate().take(WIDTH) {
-            let Arrival { direction, hit, throughput, .. } = &self.arrivals[index as usize];
+            let Arrival { direction, hit, throughput, cone, .. } = &self.arrivals[index as usize];
             let record = tracer.record(hit.face);
             put(&mut positions, lane, record.position(hit.u, hit.v));
             put(&mut normals, lane, record.normal(hit.u, hit.v));
@@ -103,10 +126,17 @@ impl Arrive<'_> {
             put(&mut throughputs, lane, *throughput);
             offsets[lane] = record.offset;
             if let Some(texture) = texture {
-                places[lane] = texture.place(record.uv(hit.u, hit.v));
+                let uv = record.uv(hit.u, hit.v);
+                match filtering {
+                    None => places[lane] = texture.place(uv),
+                    Some(filtering) => {
+                        let footprint = filtering.footprint(tracer, hit.face, *cone, *direction);
+                        put(&mut texels, lane, texture.rgba_over(Some(&footprint), uv).truncate());
+                    }
+                }
             }
         }
-        if let Some(texture) = texture {
+        if let (Some(texture), None) = (texture, filtering) {
             // In a loop of their own, so that the processor waits for all of them at once.
             let mut fetched = [[[0; 4]; 4]; WIDTH];
             for (fetched, place) in fetched.iter_mut().zip(&places[..which.len()]) {
@@ -155,7 +185,7 @@ impl Arrive<'_> {
         let inside = inside.bits();
         let behind = position - ng * Numbers::load(simd, &offsets);
         let ways = [(reflected, front, if glass { inside } else { 0 }), (refracted, behind, !inside)];
-        for ((leaving, origin, within), next) in ways.into_iter().zip(&mut *self.next) {
+        for (way, ((leaving, origin, within), next)) in ways.into_iter().zip(&mut *self.next).enumerate() {
             let Some(Leaving { any, direction, attenuation }) = leaving else { continue };
             let throughput = attenuation.times(throughput);
             // Of what is no number nothing goes on.
@@ -165,8 +195,16 @@ impl Arrive<'_> {
             while lanes != 0 {
                 let lane = lanes.trailing_zeros() as usize % WIDTH;
                 lanes &= lanes - 1;
+                let Arrival { point, hit, cone, .. } = &self.arrivals[which[lane] as usize];
+                let cone = if FILTERED {
+                    let kind = [BranchKind::Reflect, BranchKind::Refract][way];
+                    cone.leaving(kind, tracer.record(hit.face), material, inside >> lane & 1 == 0)
+                } else {
+                    Cone::default()
+                };
                 next.push(Ray {
-                    point: self.arrivals[which[lane] as usize].point,
+                    point: *point,
+                    cone,
                     origin: get(&origins, lane),
                     direction: get(&directions, lane),
                     throughput: get(&throughputs, lane),

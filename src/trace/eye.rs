@@ -3,6 +3,7 @@
 use glam::Vec3;
 
 use super::bvh::{EntryPoints, Packet};
+use super::cone::Filtering;
 use super::surface::coverage;
 use super::wave::Points;
 use super::{Appearance, Hit, Rays, Settings, Surface, Tracer, shade};
@@ -65,6 +66,12 @@ impl<'t, 's> ViewRays<'t, 's> {
             passable: tracer.scene().materials.iter().map(passable).collect(),
             culled,
         }
+    }
+
+    /// The same with textures filtered over what pixels cover, where that is asked for: the rays are those of pixels.
+    #[must_use]
+    pub fn filtered(self, filtering: Option<Filtering<'t>>) -> Self {
+        Self { points: self.points.filtered(filtering), ..self }
     }
 
     /// Takes in the ray from `origin` along the unit vector `direction`.
@@ -131,9 +138,19 @@ impl<'t, 's> ViewRays<'t, 's> {
             return (1.0, Vec3::ZERO);
         }
         let at = Surface::new(self.tracer, face, u, v, direction);
-        let stopped =
-            if is_back { 0.0 } else { coverage(material, &Appearance::new(self.tracer.scene(), &at)) };
-        (stopped, at.behind())
+        (if is_back { 0.0 } else { self.covered(&at, direction) }, at.behind())
+    }
+
+    /// Share that a BLEND surface stops.
+    #[inline(never)]
+    fn covered(&self, at: &Surface, direction: Vec3) -> f32 {
+        let Self { tracer, points, .. } = self;
+        let footprint = points.filtering().map(|filtering| {
+            let cone = filtering.at_first(at.position, direction);
+            filtering.footprint(tracer, at.face, cone, direction)
+        });
+        let material = &tracer.scene().materials[at.material as usize];
+        coverage(material, &Appearance::over(footprint.as_ref(), tracer.scene(), at))
     }
 
     /// Rays traced so far.

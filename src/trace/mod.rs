@@ -6,10 +6,12 @@
 
 mod arrive;
 pub mod bvh;
+pub mod cone;
 pub mod eye;
 mod finish;
 pub mod light;
 pub mod optics;
+pub mod pyramid;
 pub mod real;
 pub mod reference;
 pub mod sample;

@@ -6,7 +6,9 @@
 
 use glam::{Vec2, Vec3, Vec4};
 
+use super::cone::Filtering;
 use super::optics::{self, BranchKind};
+use super::pyramid::Pyramids;
 use super::shade::{self, Local};
 use super::{Appearance, Rays, Settings, Surface, Tracer};
 use crate::scene::mesh::unit;
@@ -24,6 +26,16 @@ pub struct Context<'a> {
     pub settings: &'a Settings,
     /// The frame's view.
     pub view: &'a View,
+    /// Mip levels of its textures, if they are used: for pixels, not for samples.
+    pub pyramids: Option<&'a Pyramids>,
+}
+
+impl<'a> Context<'a> {
+    /// How textures are filtered for pixels that are traced; not to be asked by one of several tasks, as
+    /// [`Pyramids::filtering`] has it.
+    pub fn filtering(&self) -> Option<Filtering<'a>> {
+        self.pyramids.map(|pyramids| pyramids.filtering(self.tracer.scene(), self.view))
+    }
 }
 
 /// Part of the way to the middle of its face from which the rays of a vertex on a flat surface start: where such surfaces meet,

@@ -4,7 +4,9 @@ use std::ops::{Add, Mul};
 
 use glam::{Mat3, Vec2, Vec3, Vec4};
 
-use super::{Tracer, optics, texel};
+use super::cone::Footprint;
+use super::texel::Texels;
+use super::{Tracer, optics};
 use crate::scene::{AlphaMode, Material, Scene, TextureSlot, mesh::unit};
 
 /// Ray origins leave their face by this many roundings of the largest coordinate around it.
@@ -45,6 +47,19 @@ impl Surface {
     /// `direction`.
     #[inline]
     pub fn new(tracer: &Tracer, face: u32, u: f32, v: f32, direction: Vec3) -> Self {
+        Self::over(None, tracer, face, u, v, direction)
+    }
+
+    /// The same, with the normal map filtered over `footprint`.
+    #[inline]
+    pub(super) fn over(
+        footprint: Option<&Footprint>,
+        tracer: &Tracer,
+        face: u32,
+        u: f32,
+        v: f32,
+        direction: Vec3,
+    ) -> Self {
         let geometry = &tracer.scene().geometry;
         let record = tracer.record(face);
         let weights = [1.0 - u - v, u, v];
@@ -57,7 +72,7 @@ impl Surface {
             let corners = geometry.faces[face as usize];
             uvs[1] = corners.map(|corner| geometry.uv(1, corner)).blend(weights);
             color = corners.map(|corner| geometry.color(corner)).blend(weights);
-            n = mapped_normal(tracer.scene(), record, corners, weights, uvs, n);
+            n = mapped_normal(tracer.scene(), record, corners, weights, (uvs, footprint), n);
         }
         Self {
             face,
@@ -92,7 +107,7 @@ fn mapped_normal(
     record: &Record,
     corners: [u32; 3],
     weights: [f32; 3],
-    uvs: [Vec2; 2],
+    (uvs, footprint): ([Vec2; 2], Option<&Footprint>),
     n: Vec3,
 ) -> Vec3 {
     let material = &scene.materials[record.material as usize];
@@ -102,7 +117,8 @@ fn mapped_normal(
     let across = tangent.truncate();
     let Some(t) = (across - n * n.dot(across)).try_normalize() else { return n };
     let b = n.cross(t) * tangent.w.signum();
-    let texel = texel::lookup(scene, slot, uvs[usize::from(slot.uv_set)]).truncate() * 2.0 - 1.0;
+    let texel = Texels::new(scene, slot).rgba_over(footprint, uvs[usize::from(slot.uv_set)]);
+    let texel = texel.truncate() * 2.0 - 1.0;
     let scale = Vec3::new(material.normal_scale, material.normal_scale, 1.0);
     (Mat3::from_cols(t, b, n) * (texel * scale)).normalize_or(n)
 }
@@ -124,7 +140,8 @@ impl<T: Copy + Add<Output = T> + Mul<f32, Output = T>> Blend<T> for [T; 3] {
 pub(super) struct Record {
     positions: [Vec3; 3],
     normals: [Vec3; 3],
-    uvs: [Vec2; 3],
+    /// First texture coordinates.
+    pub(super) uvs: [Vec2; 3],
     /// Unit geometric normal, counter-clockwise.
     pub(super) ng: Vec3,
     /// How far rays start off the face.
@@ -135,7 +152,7 @@ pub(super) struct Record {
     /// Whether lights may show on it.
     pub(super) scatters: bool,
     /// Whether vertex colours, the second coordinates or tangents are to be looked at.
-    extras: bool,
+    pub(super) extras: bool,
 }
 
 impl Record {
@@ -162,6 +179,24 @@ impl Record {
     #[inline(always)]
     pub fn uv(&self, u: f32, v: f32) -> Vec2 {
         self.uvs.blend([1.0 - u - v, u, v])
+    }
+
+    /// How much the normals of the corners part, over the edges' lengths: the curvature of the surface that the face is of,
+    /// positive where it bulges to the side of its normals.
+    pub fn curvature(&self) -> f32 {
+        let ([a, b, c], [m, n, o]) = (self.positions, self.normals);
+        let along = |edge: Vec3, parting: Vec3| {
+            let squared = edge.length_squared();
+            if squared > 0.0 { parting.dot(edge) / squared } else { 0.0 }
+        };
+        (along(b - a, n - m) + along(c - b, o - n) + along(a - c, m - o)) / 3.0
+    }
+
+    /// Length in texture coordinates, those of the corners being `uvs`, for a unit of length on the face: of a square of its
+    /// area where they differ by direction.
+    pub fn density(&self, uvs: [Vec2; 3]) -> f32 {
+        let ([a, b, c], [m, n, o]) = (self.positions, uvs);
+        ((n - m).perp_dot(o - m).abs() / (b - a).cross(c - a).length()).sqrt()
     }
 
     /// Unit geometric normal on the side that the unit vector `direction` arrives from.
@@ -250,9 +285,17 @@ impl Appearance {
     /// The values of the surface's material at the surface.
     #[inline]
     pub fn new(scene: &Scene, surface: &Surface) -> Self {
+        Self::over(None, scene, surface)
+    }
+
+    /// The same, with textures filtered over `footprint`.
+    #[inline]
+    pub(super) fn over(footprint: Option<&Footprint>, scene: &Scene, surface: &Surface) -> Self {
         let material = &scene.materials[surface.material as usize];
         let texel = |slot: &Option<TextureSlot>| match slot {
-            Some(slot) => texel::lookup(scene, slot, surface.uvs[usize::from(slot.uv_set)]),
+            Some(slot) => {
+                Texels::new(scene, slot).rgba_over(footprint, surface.uvs[usize::from(slot.uv_set)])
+            }
             None => Vec4::ONE,
         };
         let base_texel = texel(&material.base_color_texture);

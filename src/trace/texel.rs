@@ -1,4 +1,4 @@
-//! Texture and environment lookups: bilinear at level 0, decoded from sRGB before filtering.
+//! Texture and environment lookups, decoded from sRGB before filtering: bilinear at level 0, or over what a ray cone covers.
 
 use std::f32::consts::{PI, TAU};
 use std::ops::{Add, Mul};
@@ -6,7 +6,9 @@ use std::sync::LazyLock;
 
 use glam::{Vec2, Vec3, Vec4};
 
-use crate::scene::{Environment, Filter, Image, Sampler, Scene, TextureSlot, Wrap};
+use super::cone::Footprint;
+use super::pyramid::Pyramid;
+use crate::scene::{Environment, Filter, Image, Scene, TextureSlot, Wrap};
 
 /// Value of every byte: as it is meant linearly, and decoded from sRGB (IEC 61966-2-1).
 struct Decoded {
@@ -23,6 +25,12 @@ static DECODED: LazyLock<Decoded> = LazyLock::new(|| Decoded {
     }),
 });
 
+/// The value of each byte, decoded from `srgb` or not.
+pub(super) fn decoded(srgb: bool) -> &'static [f32; 256] {
+    let decoded = &*DECODED;
+    if srgb { &decoded.srgb } else { &decoded.linear }
+}
+
 /// Linear RGBA of the texture in `slot` at the mesh's coordinates `uv`.
 ///
 /// Filtered bilinearly between texel centres at level 0, or not at all where the sampler magnifies by the
@@ -32,12 +40,43 @@ pub fn lookup(scene: &Scene, slot: &TextureSlot, uv: Vec2) -> Vec4 {
 }
 
 /// A texture as lookups need it.
+#[derive(Clone, Copy)]
 pub(super) struct Texels<'s> {
     slot: &'s TextureSlot,
-    image: &'s Image,
-    sampler: &'s Sampler,
+    grid: Grid<'s>,
+    /// Wrap modes along u and v.
+    wrap: [Wrap; 2],
+    filter: Filter,
     /// Value of each byte of a colour.
     color: &'static [f32; 256],
+}
+
+/// Texels of an image or of one of its mip levels.
+#[derive(Clone, Copy)]
+pub(super) struct Grid<'s> {
+    /// Texels in a row, at least 1.
+    pub width: u32,
+    /// Rows, at least 1.
+    pub height: u32,
+    /// RGBA8, row by row from the top.
+    pub rgba: &'s [u8],
+}
+
+impl Grid<'_> {
+    /// The texel at (`x`, `y`), undecoded.
+    #[inline(always)]
+    pub fn texel(&self, x: u32, y: u32) -> [u8; 4] {
+        let i = (y as usize * self.width as usize + x as usize) * 4;
+        let texel = &self.rgba[i..i + 4];
+        [texel[0], texel[1], texel[2], texel[3]]
+    }
+}
+
+impl<'s> From<&'s Image> for Grid<'s> {
+    #[inline(always)]
+    fn from(image: &'s Image) -> Self {
+        Self { width: image.width, height: image.height, rgba: &image.rgba }
+    }
 }
 
 impl<'s> Texels<'s> {
@@ -45,12 +84,12 @@ impl<'s> Texels<'s> {
     #[inline]
     pub fn new(scene: &'s Scene, slot: &'s TextureSlot) -> Self {
         let texture = &scene.textures[slot.texture as usize];
-        let decoded = &*DECODED;
         Self {
             slot,
-            image: &scene.images[texture.image as usize],
-            sampler: &texture.sampler,
-            color: if texture.srgb { &decoded.srgb } else { &decoded.linear },
+            grid: Grid::from(&scene.images[texture.image as usize]),
+            wrap: [texture.sampler.wrap_u, texture.sampler.wrap_v],
+            filter: texture.sampler.mag,
+            color: decoded(texture.srgb),
         }
     }
 
@@ -66,21 +105,51 @@ impl<'s> Texels<'s> {
         self.rgb(texels, &place).extend(alpha)
     }
 
+    /// The same, filtered over `footprint`; at level 0 where there is none, or the texture has no mip levels.
+    #[inline]
+    pub fn rgba_over(&self, footprint: Option<&Footprint>, uv: Vec2) -> Vec4 {
+        let texels = self.grid.width * self.grid.height;
+        match footprint.and_then(|footprint| footprint.level(self.slot, texels)) {
+            Some((pyramid, level)) => self.rgba_at(pyramid, level, uv),
+            None => self.rgba(uv),
+        }
+    }
+
+    /// The same at a `level` of `pyramid`, which need not be whole, as Vulkan has it (chapter "Texel filtering").
+    #[inline(never)]
+    fn rgba_at(&self, pyramid: &Pyramid, level: f32, uv: Vec2) -> Vec4 {
+        let sampler = &pyramid.sampler;
+        let at = |level: f32, filter| {
+            let grid = pyramid.level(self.grid, level as usize);
+            Texels { grid, filter, ..*self }.rgba(uv)
+        };
+        // What is no number counts as 0.
+        let level = level.max(0.0).min(pyramid.last() as f32);
+        if level == 0.0 {
+            return at(0.0, sampler.mag);
+        }
+        if sampler.mip != Some(Filter::Linear) {
+            return at((level + 0.5).ceil() - 1.0, sampler.min);
+        }
+        let share = level.fract();
+        let finer = at(level, sampler.min);
+        if share == 0.0 { finer } else { finer.lerp(at(level + 1.0, sampler.min), share) }
+    }
+
     /// Where that is.
     #[inline(always)]
     pub fn place(&self, uv: Vec2) -> Place {
-        let Self { slot, image, sampler, .. } = *self;
+        let Self { slot, grid: Grid { width, height, .. }, wrap: [wrap_u, wrap_v], filter, .. } = *self;
         let uv = slot.transform(uv);
-        let (width, height) = (image.width, image.height);
         // In f64 for the sake of speed as well: pairs of f32 would share a register with two stray lanes, and
         // a denormal number among those costs more than the whole lookup.
         let (x, y) = (f64::from(uv.x) * f64::from(width), f64::from(uv.y) * f64::from(height));
-        if sampler.mag == Filter::Nearest {
-            let (x, y) = (wrap(sampler.wrap_u, x.floor(), width), wrap(sampler.wrap_v, y.floor(), height));
+        if filter == Filter::Nearest {
+            let (x, y) = (wrap(wrap_u, x.floor(), width), wrap(wrap_v, y.floor(), height));
             return Place { columns: [x; 2], rows: [y; 2], weights: [1.0, 0.0, 0.0, 0.0] };
         }
-        let (columns, s) = neighbours(sampler.wrap_u, x, width);
-        let (rows, t) = neighbours(sampler.wrap_v, y, height);
+        let (columns, s) = neighbours(wrap_u, x, width);
+        let (rows, t) = neighbours(wrap_v, y, height);
         Place { columns, rows, weights: bilinear(s, t) }
     }
 
@@ -88,7 +157,8 @@ impl<'s> Texels<'s> {
     #[inline(always)]
     pub fn fetch(&self, place: &Place) -> [[u8; 4]; 4] {
         let ([x0, x1], [y0, y1]) = (place.columns, place.rows);
-        [self.texel(x0, y0), self.texel(x1, y0), self.texel(x0, y1), self.texel(x1, y1)]
+        let Self { grid, .. } = self;
+        [grid.texel(x0, y0), grid.texel(x1, y0), grid.texel(x0, y1), grid.texel(x1, y1)]
     }
 
     /// Their mean, linear.
@@ -98,13 +168,6 @@ impl<'s> Texels<'s> {
             blend(texels.map(|texel| self.color[usize::from(texel[channel])]), place.weights)
         };
         Vec3::new(channel(0), channel(1), channel(2))
-    }
-
-    #[inline(always)]
-    fn texel(&self, x: u32, y: u32) -> [u8; 4] {
-        let i = (y as usize * self.image.width as usize + x as usize) * 4;
-        let texel = &self.image.rgba[i..i + 4];
-        [texel[0], texel[1], texel[2], texel[3]]
     }
 }
 

@@ -3,8 +3,9 @@
 
 use glam::Vec3;
 
-use super::arrive::{Arrival, Arrive, FEWEST_POINTS, Ray};
+use super::arrive::{Arrival, Arrive, ArriveFiltered, FEWEST_POINTS, Ray};
 use super::bvh::{EntryPoints, Packet};
+use super::cone::{Cone, Filtering};
 use super::finish::{Finish, finish_of};
 use super::optics::{self, Branch, BranchKind};
 use super::shaft::Shafts;
@@ -14,6 +15,7 @@ use super::{Appearance, Hit, Rays, Settings, Surface, Tracer, shade};
 pub struct Points<'t, 's> {
     tracer: &'t Tracer<'s>,
     settings: &'t Settings,
+    filtering: Option<Filtering<'t>>,
     /// Rays of the wave at hand that have met something.
     arrivals: Vec<Arrival>,
     /// Which of them arrive at faces of each finish, and the finishes that have any.
@@ -31,11 +33,12 @@ pub struct Points<'t, 's> {
 }
 
 impl<'t, 's> Points<'t, 's> {
-    /// No point yet.
+    /// No point yet; textures are read at level 0.
     pub fn new(tracer: &'t Tracer<'s>, settings: &'t Settings) -> Self {
         Self {
             tracer,
             settings,
+            filtering: None,
             arrivals: Vec::new(),
             by_finish: Vec::new(),
             finishes: Vec::new(),
@@ -49,9 +52,26 @@ impl<'t, 's> Points<'t, 's> {
         }
     }
 
+    /// The same with textures filtered over what pixels cover, where that is asked for: view rays are those of pixels.
+    #[must_use]
+    pub fn filtered(self, filtering: Option<Filtering<'t>>) -> Self {
+        Self { filtering, ..self }
+    }
+
+    /// How textures are.
+    pub(super) fn filtering(&self) -> Option<Filtering<'t>> {
+        self.filtering
+    }
+
     /// Takes in the point that a view ray along the unit vector `direction` meets.
     pub fn add(&mut self, direction: Vec3, hit: Hit) {
-        self.arrivals.push(Arrival { point: self.points, direction, hit, throughput: Vec3::ONE });
+        let cone = match self.filtering {
+            Some(filtering) => {
+                filtering.at_first(self.tracer.record(hit.face).position(hit.u, hit.v), direction)
+            }
+            None => Cone::default(),
+        };
+        self.arrivals.push(Arrival { point: self.points, direction, hit, throughput: Vec3::ONE, cone });
         self.points += 1;
     }
 
@@ -97,7 +117,8 @@ impl<'t, 's> Points<'t, 's> {
                         let end = tracer.record(hit.face).position(hit.u, hit.v);
                         throughput *= ray.transmittance(scene, Some(end));
                     }
-                    self.arrivals.push(Arrival { point, direction, hit, throughput });
+                    let cone = ray.cone.after(hit.t);
+                    self.arrivals.push(Arrival { point, direction, hit, throughput, cone });
                 }
                 None => {
                     let seen = shade::background(scene, direction) * ray.transmittance(scene, None);
@@ -147,16 +168,17 @@ impl<'t, 's> Points<'t, 's> {
 
     /// The same for those that arrive at faces of one finish.
     fn arrive_at(&mut self, finish: &Finish, which: &[u32], bounces: u32, next: &mut [Vec<Ray>; 2]) {
-        let Self { tracer, settings, .. } = *self;
+        let Self { tracer, settings, filtering, .. } = *self;
         let shadows = settings.shadows.apply(finish.vt, bounces);
         let goes_on = finish.vt && bounces < settings.depth;
         if finish.plain
             && which.len() >= FEWEST_POINTS
             && let Some(processor) = tracer.processor()
         {
-            return processor.run(Arrive {
+            let arrive = Arrive {
                 tracer,
                 settings,
+                filtering,
                 finish,
                 shafts: shadows.then_some(&self.shafts),
                 arrivals: &self.arrivals,
@@ -165,13 +187,18 @@ impl<'t, 's> Points<'t, 's> {
                 radiances: &mut self.radiances,
                 next,
                 rays: &mut self.rays,
-            });
+            };
+            return match filtering {
+                Some(_) => processor.run(ArriveFiltered(arrive)),
+                None => processor.run(arrive),
+            };
         }
         let scene = tracer.scene();
         for &index in which {
-            let Arrival { point, direction, hit, throughput } = self.arrivals[index as usize];
-            let at = Surface::new(tracer, hit.face, hit.u, hit.v, direction);
-            let appearance = Appearance::new(scene, &at);
+            let Arrival { point, direction, hit, throughput, cone } = self.arrivals[index as usize];
+            let footprint = filtering.map(|filtering| filtering.footprint(tracer, hit.face, cone, direction));
+            let at = Surface::over(footprint.as_ref(), tracer, hit.face, hit.u, hit.v, direction);
+            let appearance = Appearance::over(footprint.as_ref(), scene, &at);
             let local = if shadows {
                 shade::local_shadowed(tracer, Some(&self.shafts), &at, &appearance, direction, &mut self.rays)
             } else {
@@ -189,7 +216,11 @@ impl<'t, 's> Points<'t, 's> {
                 if throughput.max_element() >= settings.min_throughput {
                     let Branch { kind, start, origin, direction, medium, .. } = branch;
                     let body = if medium.is_some() { at.material } else { Ray::OUTSIDE };
-                    let ray = Ray { point, origin, direction, start, throughput, body };
+                    let cone = match filtering {
+                        Some(_) => cone.leaving(kind, tracer.record(hit.face), material, at.outside),
+                        None => cone,
+                    };
+                    let ray = Ray { point, origin, direction, start, throughput, cone, body };
                     next[usize::from(kind == BranchKind::Refract)].push(ray);
                 }
             }
@@ -202,10 +233,11 @@ mod tests {
     use glam::{Vec2, vec3};
 
     use super::super::eye::ViewRays;
+    use super::super::pyramid::Pyramids;
     use super::super::reference;
     use super::super::vector::Processor;
     use super::*;
-    use crate::options::ViewOptions;
+    use crate::options::{FilterMode, ViewOptions};
     use crate::scene::classify::{VtRules, classify};
     use crate::scene::demo::{Demo, SceneBuilder, chrome, glass, matte, shape, texture};
     use crate::scene::light::{Light, LightKind};
@@ -272,17 +304,27 @@ mod tests {
                 })
                 .collect();
             let mut tracer = Tracer::new(&scene);
-            let seen = |tracer: &Tracer| {
-                let mut together = ViewRays::new(tracer, &settings, false);
+            let seen = |tracer: &Tracer, filtering| {
+                let mut together = ViewRays::new(tracer, &settings, false).filtered(filtering);
                 rays.iter().for_each(|&ray| together.add(ray));
                 let radiances = together.radiances().to_vec();
                 (radiances, together.rays())
             };
             tracer.set_processor(None);
-            let alone = seen(&tracer);
-            for processor in Processor::all() {
-                tracer.set_processor(Some(processor));
-                assert_eq!(seen(&tracer), alone, "{}: {processor:?}", scene.name);
+            let alone = seen(&tracer, None);
+            let all = vec![true; scene.textures.len()];
+            let filters = [FilterMode::File, FilterMode::Trilinear, FilterMode::Aniso8];
+            let pyramids = filters.map(|filter| Pyramids::new(&scene, &all, filter));
+            for pyramids in &pyramids {
+                tracer.set_processor(None);
+                let filtering = pyramids.as_ref().map(|pyramids| pyramids.filtering(&scene, &view));
+                let seen_by_one = seen(&tracer, filtering);
+                assert_eq!(seen_by_one.1, alone.1, "the same rays");
+                assert_eq!(seen_by_one.0 == alone.0, filtering.is_none(), "{}: mip levels show", scene.name);
+                for processor in Processor::all() {
+                    tracer.set_processor(Some(processor));
+                    assert_eq!(seen(&tracer, filtering), seen_by_one, "{}: {processor:?}", scene.name);
+                }
             }
             // The conventional tracer adds up in another order.
             for (&(origin, direction), &radiance) in rays.iter().zip(&alone.0) {

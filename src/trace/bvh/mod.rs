@@ -8,7 +8,7 @@ mod wide;
 
 use std::time::Duration;
 
-use glam::{Vec3, Vec3A};
+use glam::{Vec2, Vec3, Vec3A};
 use obvhs::{
     BvhBuildParams,
     aabb::Aabb,
@@ -162,6 +162,12 @@ impl<'s> Tracer<'s> {
     #[inline]
     pub(super) fn record(&self, face: u32) -> &Record {
         &self.records[face as usize]
+    }
+
+    /// Second texture coordinates of the corners of `face`.
+    pub(super) fn second_uvs(&self, face: u32) -> [Vec2; 3] {
+        let geometry = &self.scene.geometry;
+        geometry.faces[face as usize].map(|corner| geometry.uv(1, corner))
     }
 
     /// Where rays are looked at side by side.
