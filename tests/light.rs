@@ -299,7 +299,7 @@ fn normal_maps_of_any_strength_leave_surfaces_lit() {
     let gpu = TestGpu::open();
     for scale in [1.0, 1e20, f32::MAX] {
         let mut builder = SceneBuilder::new("embossed");
-        let texel = |i: u32| if i % 2 == 0 { [100, 128, 230, 255] } else { [150, 140, 230, 255] };
+        let texel = |i: u32| if i.is_multiple_of(2) { [100, 128, 230, 255] } else { [150, 140, 230, 255] };
         let rgba: Vec<u8> = (0..64).flat_map(texel).collect();
         let image = Image { name: "bumps".into(), width: 8, height: 8, rgba: rgba.into() };
         let nearest = Sampler { mag: Filter::Nearest, min: Filter::Nearest, mip: None, ..Sampler::default() };
