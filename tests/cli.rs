@@ -3,6 +3,9 @@
 #[path = "../examples/check_models/watch.rs"]
 mod watch;
 
+#[path = "common/program.rs"]
+mod program;
+
 use std::{
     fs,
     io::Read,
@@ -12,24 +15,15 @@ use std::{
     time::{Duration, Instant},
 };
 
+use program::{text, vtrace};
 use vertex_tracing::{
     report::{FloatImage, output::write_image},
     scene::demo::Demo,
 };
 use watch::{MOST_TIME, watched};
 
-fn vtrace() -> Command {
-    let mut command = Command::new(env!("CARGO_BIN_EXE_vtrace"));
-    command.env_remove("RUST_LOG").env_remove("RUST_BACKTRACE");
-    command
-}
-
 fn run(arguments: &[&str]) -> Output {
     vtrace().args(arguments).output().unwrap()
-}
-
-fn text(bytes: &[u8]) -> &str {
-    std::str::from_utf8(bytes).unwrap()
 }
 
 /// A folder with a scene, an image, and files that are neither.

@@ -1,19 +1,19 @@
 //! What `vtrace` writes, where: never over what it reads, and nothing once it is refused.
 
+#[path = "common/program.rs"]
+mod program;
+
 use std::{
     fs,
     path::{Path, PathBuf},
     process::{Command, Output},
 };
 
+use program::{text, vtrace};
 use vertex_tracing::{
     report::{FloatImage, output::write_image},
     scene::demo::Demo,
 };
-
-fn text(bytes: &[u8]) -> &str {
-    std::str::from_utf8(bytes).unwrap()
-}
 
 /// A folder with scenes, with what they refer to, and an environment.
 struct Place(tempfile::TempDir);
@@ -50,9 +50,7 @@ impl Place {
     }
 
     fn run(&self, arguments: &[&str]) -> Output {
-        let mut command = Command::new(env!("CARGO_BIN_EXE_vtrace"));
-        command.env_remove("RUST_LOG").env_remove("RUST_BACKTRACE");
-        command.current_dir(self.0.path()).args(arguments).output().unwrap()
+        vtrace().current_dir(self.0.path()).args(arguments).output().unwrap()
     }
 
     /// Every file below with what it holds, and every folder.
@@ -216,7 +214,7 @@ fn a_name_need_not_be_unicode() {
     use std::os::unix::ffi::OsStrExt;
     let place = Place::new();
     let name = Path::new(std::ffi::OsStr::from_bytes(b"\xff.png"));
-    let mut command = Command::new(env!("CARGO_BIN_EXE_vtrace"));
+    let mut command = vtrace();
     command.current_dir(place.0.path()).args(["reference", "scene.glb", "--size", "8x8", "-o"]);
     let output = command.arg(name).output().unwrap();
     assert_eq!(output.status.code(), Some(0), "{}", text(&output.stderr));

@@ -7,7 +7,7 @@ use vertex_tracing::{
     options::{Mode, Msaa, Shadows, VisibilityWay},
     report::metrics::{Encoding, compare},
     scene::{
-        AlphaMode, Background, Camera, Filter, Image, Material, Sampler, Volume,
+        AlphaMode, Background, Camera, Filter, Image, Material, Sampler, Scene, Volume,
         demo::{SceneBuilder, chrome, glass, matte, shape, texture},
         light::{Light, LightKind},
     },
@@ -244,6 +244,15 @@ fn normal_maps_bend_reflections() {
     gpu.finish();
 }
 
+/// PSNR of a frame of 320x256, in dB.
+fn near(gpu: &TestGpu, scene: &Scene) -> f64 {
+    let options = options(320, 256);
+    let frame = gpu.render(scene, &options);
+    let psnr = psnr(&image(&options, &traced(scene, &options, 1, None)), &frame.image);
+    println!("{}: {psnr:.1} dB", scene.name);
+    psnr
+}
+
 /// A face whose plane has a light behind it hides it from itself, though normals of its vertices point to that light.
 #[test]
 fn faces_hide_what_is_behind_them_from_themselves() {
@@ -257,10 +266,7 @@ fn faces_hide_what_is_behind_them_from_themselves() {
     builder.light(Light { name: "sun".into(), kind, intensity: Vec3::splat(3.0) });
     builder.camera(Camera::look_at(vec3(0.0, 0.5, 6.0), Vec3::ZERO, 0.8));
     let scene = builder.build().unwrap();
-    let options = options(320, 256);
-    let frame = gpu.render(&scene, &options);
-    let psnr = psnr(&image(&options, &traced(&scene, &options, 1, None)), &frame.image);
-    assert!(psnr > 45.0, "{psnr:.1} dB");
+    assert!(near(&gpu, &scene) > 45.0);
     gpu.finish();
 }
 
@@ -286,10 +292,7 @@ fn normal_maps_let_no_light_through() {
     builder.camera(Camera::look_at(vec3(3.0, 2.5, 3.5), Vec3::ZERO, 0.8));
     let mut scene = builder.build().unwrap();
     scene.geometry.tangents = vec![Vec4::X + Vec4::W; scene.geometry.positions.len()];
-    let options = options(320, 256);
-    let frame = gpu.render(&scene, &options);
-    let psnr = psnr(&image(&options, &traced(&scene, &options, 1, None)), &frame.image);
-    assert!(psnr > 45.0, "{psnr:.1} dB");
+    assert!(near(&gpu, &scene) > 45.0);
     gpu.finish();
 }
 
