@@ -43,12 +43,14 @@ pub enum Error {
     #[error("{0}")]
     NoDevice(String),
     /// A Vulkan call failed.
-    #[error("Vulkan: {call} failed: {code}")]
+    #[error("Vulkan: {call} failed: {problem}")]
     Vulkan {
         /// The call, by its name in the specification, and the object it was for.
         call: String,
-        /// The result code.
-        code: ash::vk::Result,
+        /// The result code, a `VkResult` of the specification.
+        code: i32,
+        /// What it means and, where there is one, the remedy.
+        problem: String,
     },
     /// Device memory could not be had.
     #[error("device memory for {object}: {problem}")]

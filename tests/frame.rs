@@ -302,7 +302,9 @@ fn a_failing_frame_says_why_and_leaves_nothing_behind() {
     for (call, fault, words) in [
         ("vkAllocateMemory", Fault::OutOfDeviceMemory, "none left"),
         ("vkCreateBuffer", Fault::OutOfDeviceMemory, "none left"),
-        ("vkCreateGraphicsPipelines", Fault::OutOfDeviceMemory, "memory"),
+        ("vkAllocateMemory", Fault::OutOfHostMemory, "none left"),
+        ("vkCreateGraphicsPipelines", Fault::OutOfDeviceMemory, "a smaller image or scene needs less"),
+        ("vkCreateGraphicsPipelines", Fault::OutOfHostMemory, "no memory of the host; a smaller image"),
         ("vkQueueSubmit2", Fault::DeviceLost, "lost"),
         ("vkWaitSemaphores", Fault::DeviceLost, "lost"),
     ] {

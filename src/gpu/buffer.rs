@@ -16,7 +16,7 @@ use bytemuck::Pod;
 use gpu_allocator::{MemoryLocation, vulkan::Allocation};
 
 use super::{
-    Access, Gpu, ReadbackChoice, ReadbackMemory, census::Kind, device::out_of_memory, memory::atom_range,
+    Access, Gpu, ReadbackChoice, ReadbackMemory, census::Kind, fault::out_of_memory, memory::atom_range,
 };
 use crate::error::{Error, Result};
 

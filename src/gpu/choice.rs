@@ -4,6 +4,7 @@ use std::ffi::CStr;
 
 use ash::vk;
 
+use super::fault::failed;
 use super::instance::{INSTALL_DRIVER, Instance};
 use crate::constants::MAX_BANK_ARRAYS;
 use crate::error::{Error, Result};
@@ -119,7 +120,7 @@ fn pick(infos: &[&DeviceInfo], wanted: Option<&str>) -> Result<usize> {
 fn list(instance: &Instance, presents: Presents<'_>) -> Result<Vec<Candidate>> {
     // SAFETY: a live instance.
     let handles = unsafe { instance.handle.enumerate_physical_devices() }
-        .map_err(|code| Error::Vulkan { call: "vkEnumeratePhysicalDevices".into(), code })?;
+        .map_err(failed("vkEnumeratePhysicalDevices", ""))?;
     Ok(handles
         .into_iter()
         .enumerate()

@@ -16,6 +16,7 @@ use gpu_allocator::{
 use super::{
     census::{Census, Kind},
     choice::{self, Candidate, DeviceInfo},
+    fault::{Fault, failed, no_memory, out_of_memory},
     instance::{Instance, Messages, with_present},
     sampler::SamplerDesc,
 };
@@ -36,19 +37,6 @@ impl Options {
     pub(super) fn validated(&self) -> bool {
         self.validation || std::env::var_os("VTRACE_VALIDATION").is_some_and(|value| value == "1")
     }
-}
-
-/// An error that [`Gpu::fail_next`] can cause.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub enum Fault {
-    /// The device has no memory left.
-    OutOfDeviceMemory,
-    /// The device was reset or taken away.
-    DeviceLost,
-    /// The window changed since its swapchain was made.
-    OutOfDate,
-    /// The window's surface is no more.
-    SurfaceLost,
 }
 
 /// An open Vulkan device with one queue. Every resource holds it by `Arc`, so it ends last.
@@ -127,14 +115,14 @@ impl Gpu {
         let name = &candidate.info.name;
         // SAFETY: a device of this instance.
         let present = unsafe { instance.handle.enumerate_device_extension_properties(candidate.handle) }
-            .map_err(vulkan_error("vkEnumerateDeviceExtensionProperties", name))?;
+            .map_err(failed("vkEnumerateDeviceExtensionProperties", name))?;
         // A device that has it lacks parts of Vulkan, none of which is used here, and wants that to be acknowledged.
         let extensions = with_present(extensions, &[khr::portability_subset::NAME], &present);
         let extensions: Vec<_> = extensions.iter().map(|name| name.as_ptr()).collect();
         let info = info.enabled_extension_names(&extensions);
         // SAFETY: the features were found present, the queue family exists, all pointers are alive.
         let device = unsafe { instance.handle.create_device(candidate.handle, &info, None) }
-            .map_err(vulkan_error("vkCreateDevice", name))?;
+            .map_err(failed("vkCreateDevice", name))?;
 
         // From here on a failure has to destroy the device.
         let made = || -> Result<_> {
@@ -156,7 +144,7 @@ impl Gpu {
             let info = vk::SemaphoreCreateInfo::default().push_next(&mut kind);
             // SAFETY: the feature is enabled.
             let timeline = unsafe { device.create_semaphore(&info, None) }
-                .map_err(vulkan_error("vkCreateSemaphore", "timeline"))?;
+                .map_err(failed("vkCreateSemaphore", "timeline"))?;
             Ok((queue, allocator, timeline))
         };
         let (queue, allocator, timeline) = made().inspect_err(|_| {
@@ -227,13 +215,7 @@ impl Gpu {
 
     /// Test hook: the next `call` (a name such as `vkCreateBuffer`) fails with `fault` and is not made.
     pub fn fail_next(&self, call: &'static str, fault: Fault) {
-        let code = match fault {
-            Fault::OutOfDeviceMemory => vk::Result::ERROR_OUT_OF_DEVICE_MEMORY,
-            Fault::DeviceLost => vk::Result::ERROR_DEVICE_LOST,
-            Fault::OutOfDate => vk::Result::ERROR_OUT_OF_DATE_KHR,
-            Fault::SurfaceLost => vk::Result::ERROR_SURFACE_LOST_KHR,
-        };
-        lock(&self.faults).push((call, code));
+        lock(&self.faults).push((call, fault.code()));
     }
 
     /// Makes one Vulkan call for `object`; a failure says which call, on which object.
@@ -246,8 +228,7 @@ impl Gpu {
         let mut faults = lock(&self.faults);
         let injected = faults.iter().position(|fault| fault.0 == call).map(|index| faults.remove(index).1);
         drop(faults);
-        let outcome =
-            injected.map_or_else(|| function(&self.device), Err).map_err(vulkan_error(call, object))?;
+        let outcome = injected.map_or_else(|| function(&self.device), Err).map_err(failed(call, object))?;
         lock(&self.census).add_call(call);
         Ok(outcome)
     }
@@ -392,28 +373,4 @@ impl std::fmt::Debug for Gpu {
 /// The lock's content, whatever a panicking thread left there: each is a plain collection, valid at any time.
 pub(super) fn lock<T>(mutex: &Mutex<T>) -> MutexGuard<'_, T> {
     mutex.lock().unwrap_or_else(PoisonError::into_inner)
-}
-
-fn vulkan_error(call: &str, object: &str) -> impl FnOnce(vk::Result) -> Error {
-    let call = format!("{call} ({object})");
-    move |code| Error::Vulkan { call, code }
-}
-
-/// `error`, said as a lack of memory if it is one.
-pub(super) fn out_of_memory(object: &str, bytes: u64, error: Error) -> Error {
-    match error {
-        Error::Vulkan {
-            code: vk::Result::ERROR_OUT_OF_DEVICE_MEMORY | vk::Result::ERROR_OUT_OF_HOST_MEMORY,
-            ..
-        } => no_memory(object, bytes),
-        error => error,
-    }
-}
-
-fn no_memory(object: &str, bytes: u64) -> Error {
-    let mib = bytes as f64 / f64::from(1 << 20);
-    Error::DeviceMemory {
-        object: object.into(),
-        problem: format!("none left for {mib:.1} MiB; a smaller image or scene needs less"),
-    }
 }

@@ -8,7 +8,7 @@ use std::sync::{
 use ash::vk;
 use gpu_allocator::{MemoryLocation, vulkan::Allocation};
 
-use super::{Access, Gpu, census::Kind, device::out_of_memory};
+use super::{Access, Gpu, census::Kind, fault::out_of_memory};
 use crate::error::{Error, Result};
 
 /// Texel format.

@@ -8,6 +8,7 @@ use std::{
 
 use ash::{ext, khr, vk};
 
+use super::fault::failed;
 use crate::error::{Error, Result};
 
 /// What installs a software Vulkan device on Debian.
@@ -55,10 +56,7 @@ impl Instance {
         let entry = unsafe { ash::Entry::load() }.map_err(|error| {
             Error::NoDevice(format!("no Vulkan loader ({error}); install one with `{INSTALL_DRIVER}`"))
         })?;
-        let failed = |call: &str| {
-            let call = call.to_owned();
-            move |code| Error::Vulkan { call, code }
-        };
+        let failed = |call: &str| failed(call, "");
         // SAFETY: no requirements beyond a loaded entry.
         let version = unsafe { entry.try_enumerate_instance_version() }
             .map_err(failed("vkEnumerateInstanceVersion"))?

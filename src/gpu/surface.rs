@@ -5,7 +5,7 @@ use std::{ffi::CStr, sync::Arc};
 use ash::{khr, vk};
 use raw_window_handle::{HasDisplayHandle, HasWindowHandle};
 
-use super::{Gpu, choice, device::Options, instance::Instance};
+use super::{Gpu, choice, device::Options, fault::failed, instance::Instance};
 use crate::error::{Error, Result};
 
 /// A window that a [`Surface`] can be made of.
@@ -87,7 +87,7 @@ fn create(instance: &Instance, window: &dyn Window) -> Result<vk::SurfaceKHR> {
     let handle = window.window_handle().map_err(no_window)?.as_raw();
     // SAFETY: the extensions for this display are enabled; the caller's window outlives the surface.
     unsafe { ash_window::create_surface(&instance.entry, &instance.handle, display, handle, None) }
-        .map_err(|code| Error::Vulkan { call: "vkCreateSurfaceKHR (window)".into(), code })
+        .map_err(failed("vkCreateSurfaceKHR", "window"))
 }
 
 fn no_window(error: raw_window_handle::HandleError) -> Error {

@@ -4,6 +4,7 @@ use std::sync::Arc;
 
 use ash::{khr, vk};
 
+use super::fault::{code_of, failed};
 use super::{Access, Commands, Gpu, Recording, Surface, UploadBuffer, access::image_barrier};
 use crate::error::{Error, Result};
 
@@ -67,13 +68,14 @@ impl Swapchain {
         assert_eq!(rgba.len(), width as usize * height as usize * 4, "bytes of a {width}x{height} image");
         // A second try, with a swapchain made anew, for a window that changed since the last image.
         for _ in 0..2 {
-            match self.try_show((width, height), rgba) {
-                Err(Error::Vulkan { code: vk::Result::ERROR_OUT_OF_DATE_KHR, .. }) => self.chain = None,
-                Err(Error::Vulkan { code: vk::Result::ERROR_SURFACE_LOST_KHR, .. }) => {
+            let shown = self.try_show((width, height), rgba);
+            match shown.as_ref().err().and_then(code_of) {
+                Some(vk::Result::ERROR_OUT_OF_DATE_KHR) => self.chain = None,
+                Some(vk::Result::ERROR_SURFACE_LOST_KHR) => {
                     self.chain = None;
                     self.surface.renew()?;
                 }
-                other => return other,
+                _ => return shown,
             }
         }
         Ok(Shown::NotNow)
@@ -101,12 +103,11 @@ impl Swapchain {
         } else {
             staging.write(0, rgba)?;
         }
-        let (index, suboptimal) = match chain.acquire() {
-            Err(Error::Vulkan { code: vk::Result::TIMEOUT | vk::Result::NOT_READY, .. }) => {
-                return Ok(Shown::NotNow);
-            }
-            acquired => acquired?,
-        };
+        let acquired = chain.acquire();
+        if let Some(vk::Result::TIMEOUT | vk::Result::NOT_READY) = acquired.as_ref().err().and_then(code_of) {
+            return Ok(Shown::NotNow);
+        }
+        let (index, suboptimal) = acquired?;
         recording.fill_swapchain_image(staging, chain.images[index as usize], chain.extent);
         let drawn = chain.drawn[index as usize];
         let _ = recording.submit_between(Some(chain.acquired), Some(drawn))?;
@@ -122,10 +123,7 @@ impl Chain {
     /// A swapchain of the size that `wanted` is, or why not.
     fn new(surface: &Surface, wanted: vk::Extent2D) -> Result<Result<Self, Shown>> {
         let gpu = &surface.gpu;
-        let failed = |call: &str| {
-            let call = format!("{call} (window)");
-            move |code| Error::Vulkan { call, code }
-        };
+        let failed = |call: &str| failed(call, "window");
         // SAFETY: a live surface and the device that was chosen for it; so for the next two.
         let capabilities =
             unsafe { surface.loader.get_physical_device_surface_capabilities(gpu.physical, surface.handle) }
