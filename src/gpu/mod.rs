@@ -11,6 +11,7 @@ mod buffer;
 pub mod census;
 mod choice;
 mod commands;
+mod copy;
 mod descriptor;
 mod device;
 mod draw;
