@@ -1,19 +1,15 @@
 //! Closest hits and occlusion among the faces of a scene.
 
+mod binary;
 mod collapse;
 mod lanes;
 mod packet;
 mod quad;
+mod split;
 mod wide;
 
-use std::time::Duration;
-
 use glam::{Vec2, Vec3, Vec3A};
-use obvhs::{
-    BvhBuildParams,
-    aabb::Aabb,
-    bvh2::{Bvh2, builder::build_bvh2},
-};
+use obvhs::aabb::Aabb;
 
 use super::finish::{Finish, finishes};
 use super::real::{Real, Triple};
@@ -28,18 +24,6 @@ use wide::{BoxProbe, Bvh4, Node};
 
 /// Rays go this part of the distance to a light, so that a light on a surface is seen.
 const SHADOW_PART: f32 = 1.0 - 1e-4;
-
-/// How the BVH is built over `faces` faces: a face a leaf, since its collapse makes wider ones.
-///
-/// Reinsertion repairs the greedy build: all nodes of a small scene, where it pays back within a frame, and as
-/// many of a large one as keep the time in proportion.
-fn build_params(faces: usize) -> BvhBuildParams {
-    BvhBuildParams {
-        reinsertion_batch_ratio: (20_000.0 / faces as f32).clamp(0.05, 1.0),
-        max_prims_per_leaf: 1,
-        ..BvhBuildParams::medium_build()
-    }
-}
 
 /// Boxes are wider than their triangles by this fraction of the scene's extent: as much as a box test errs
 /// for a ray from inside the scene, so that it does not lose what the triangle test would find.
@@ -104,15 +88,10 @@ impl<'s> Tracer<'s> {
         let padding = low.abs().max(high.abs()).max_element() * BOX_PADDING;
         let boxes: Vec<Aabb> =
             (0..geometry.faces.len() as u32).map(|face| padded(geometry.corners(face), padding)).collect();
-        let binary = if boxes.is_empty() {
-            Bvh2::default()
-        } else {
-            build_bvh2(&boxes, build_params(boxes.len()), &mut Duration::default())
-        };
         let masked = scene.materials.iter().any(|material| matches!(material.alpha_mode, AlphaMode::Mask(_)));
         Self {
             scene,
-            bvh: Bvh4::new(&binary, |face| geometry.corners(face)),
+            bvh: Bvh4::new(&binary::build(&boxes), |face| geometry.corners(face)),
             masked,
             diagonal: (high - low).length(),
             records: surface::records(scene),
