@@ -52,6 +52,16 @@ pub enum Error {
         /// What it means and, where there is one, the remedy.
         problem: String,
     },
+    /// Memory of the host could not be had.
+    #[error("memory for {object}: {:.1} MiB could not be had; {remedy}", *bytes as f64 / f64::from(1 << 20))]
+    HostMemory {
+        /// What it was for.
+        object: String,
+        /// How much was needed.
+        bytes: u64,
+        /// What needs less.
+        remedy: &'static str,
+    },
     /// Device memory could not be had.
     #[error("device memory for {object}: {problem}")]
     DeviceMemory {

@@ -12,6 +12,7 @@ use std::time::{Duration, Instant};
 use crate::constants::COMPONENT_PRIMARY;
 use crate::error::{Error, Result};
 use crate::gpu::Gpu;
+use crate::memory;
 use crate::options::{EffortOptions, FilterMode, Options};
 use crate::pixels::smooth::Smoothing;
 use crate::plan::Plan;
@@ -89,6 +90,9 @@ const WARM_UP_FACES: usize = 4096;
 const WARM_UP_DIRECT: u64 = 1024;
 const WARM_UP_SHADED: u32 = 4;
 
+/// Bytes of a pixel of the picture, three floats.
+pub(crate) const PICTURE_BYTES: u64 = 12;
+
 /// The image after a refinement step; the first is the preview, before any, as far as half of the samples that are allowed
 /// take it.
 pub struct Step {
@@ -134,6 +138,7 @@ impl<'s> Renderer<'s> {
     /// As for [`new`](Self::new).
     pub fn reusing(mut kept: Kept, gpu: &Arc<Gpu>, scene: &'s Scene, options: &Options) -> Result<Self> {
         options.check().map_err(Error::Option)?;
+        Tracer::check_memory(scene)?;
         let plan = Plan::after(kept.plan.take(), scene, options);
         let traced = plan.has_rays().then(|| kept.traced(scene, &plan, options.method.filter));
         let sampled = traced.as_ref().filter(|_| plan.traces());
@@ -298,6 +303,8 @@ impl<'s> Renderer<'s> {
 
     /// Makes one frame; its image stays with the painter, unless the host had a part in it.
     fn draw(&mut self, view: &View, observer: Option<Observer>) -> Result<Undelivered> {
+        // Before the work that it would be for.
+        memory::check_picture(view.width, view.height, PICTURE_BYTES)?;
         let started = Instant::now();
         let mut stats = self.blank_stats(view);
         let block = FrameBlock::new(self.scene, view);

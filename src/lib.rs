@@ -44,6 +44,7 @@ pub mod constants;
 pub mod error;
 pub mod frame;
 pub mod gpu;
+mod memory;
 pub mod options;
 pub mod pixels;
 pub mod plan;

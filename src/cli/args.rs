@@ -254,10 +254,10 @@ impl ThreadArgs {
     /// # Errors
     /// [`Error::Option`] if the system grants no such number.
     pub fn apply(&self) -> Result<()> {
-        let Some(threads) = self.threads else { return Ok(()) };
+        let threads = self.threads.map_or(0, usize::from); // 0: one a core
         rayon::ThreadPoolBuilder::new()
-            .num_threads(threads.into())
+            .num_threads(threads)
             .build_global()
-            .map_err(|error| Error::Option(format!("--threads {threads}: {error}")))
+            .map_err(|error| Error::Option(format!("worker threads: {error}; --threads N asks for fewer")))
     }
 }

@@ -12,9 +12,11 @@ use super::{
     terminal, values,
 };
 use crate::{
+    memory,
     options::ReferenceOptions,
     report::{
         FloatImage, Stats,
+        output::FILE_BYTES,
         stats::{ImageStats, Rays, SceneStats, Times, UsedOptions},
     },
     trace::{
@@ -88,12 +90,15 @@ pub(super) fn run(args: &ReferenceArgs) -> Result<(), Failure> {
     let mut options = args.options()?;
     args.threads.apply()?;
     args.out.check(Some(&args.output))?;
+    // Before the work, which may take hours.
+    memory::check_picture(args.view.size.width, args.view.size.height, reference::PIXEL_BYTES + FILE_BYTES)?;
 
     let start = Instant::now();
     let (scene, view) = options.load(&args.scene)?;
     terminal::notes_on(&scene);
     let load = milliseconds(start);
 
+    Tracer::check_memory(&scene)?;
     let start = Instant::now();
     let mut tracer = Tracer::new(&scene);
     if let Some(offset) = options.ray_offset {

@@ -17,8 +17,9 @@ use super::{
 };
 use crate::{
     error::Result,
-    frame::{Observer, Renderer, Step},
+    frame::{Observer, PICTURE_BYTES, Renderer, Step},
     gpu::{self, Gpu},
+    memory,
     options::{Options, Show},
     report::output::write_image,
 };
@@ -127,6 +128,7 @@ pub(super) fn run(args: &RenderArgs) -> Result<(), Failure> {
     // Before the other results are checked, which may go into it.
     let _steps = args.progressive.as_deref().map(Folder::make).transpose()?;
     args.out.check(args.output.as_deref())?;
+    memory::check_picture(options.view.width, options.view.height, PICTURE_BYTES)?;
 
     let start = Instant::now();
     let (scene, view) = options.load(&args.scene)?;

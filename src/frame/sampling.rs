@@ -9,6 +9,7 @@ use super::kept::Samples;
 use super::steps::{LeafObserver, Steps};
 use super::{Traced, ms};
 use crate::error::Result;
+use crate::memory;
 use crate::options::{Options, Reconstruction, Show};
 use crate::pixels::direct::Direct;
 use crate::pixels::leaves::TracedPixel;
@@ -34,6 +35,9 @@ use crate::visibility::Found;
 /// Nodes that a leaf of a preview owns at most: of so few samples more of them change next to nothing, and take half as long
 /// again to draw.
 const PREVIEW_NODES: usize = 2;
+
+/// Bytes that a pixel takes to be traced beside the mesh.
+const PICKED_PIXEL: u64 = 24;
 
 /// What sampling a frame needs besides what is traced.
 pub(super) struct Job<'a> {
@@ -101,6 +105,11 @@ impl Job<'_> {
         let mut refiner = Refiner::new(&context, &predictor, mesh, shown, vertices);
         refiner.reserve = self.reserve;
 
+        memory::check(
+            visible.faces.vt_pixels * PICKED_PIXEL,
+            "pixels that are traced",
+            memory::SMALLER_PICTURE,
+        )?;
         let picture_time = Instant::now();
         let picture =
             subject.trace(&context, visible.ids, self.most_direct, pixels.as_deref_mut(), self.interrupt)?;

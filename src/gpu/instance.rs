@@ -10,11 +10,15 @@ use ash::{ext, khr, vk};
 
 use super::fault::failed;
 use crate::error::{Error, Result};
+use crate::memory;
 
 /// What installs a software Vulkan device on Debian.
 pub(super) const INSTALL_DRIVER: &str = "apt-get install mesa-vulkan-drivers libvulkan1";
 const INSTALL_VALIDATION: &str = "apt-get install vulkan-validationlayers";
 const VALIDATION_LAYER: &CStr = c"VK_LAYER_KHRONOS_validation";
+
+/// Bytes that loading a driver takes; Mesa's llvmpipe, with LLVM, is the largest.
+const DRIVER_BYTES: u64 = 256 << 20;
 
 /// Errors that the validation layers and the allocator reported, in order.
 ///
@@ -52,6 +56,8 @@ impl Instance {
     /// An instance for Vulkan 1.3 with the extensions `wanted`, and with core and synchronization validation if
     /// `validation` asks for them.
     pub(super) fn new(validation: bool, wanted: &[&CStr]) -> Result<Self> {
+        // Loaders take drivers that find no memory for absent.
+        memory::check(DRIVER_BYTES, "a Vulkan driver", "free some, or allow more")?;
         // SAFETY: libvulkan is a well-behaved library, whose initialisers have no requirements.
         let entry = unsafe { ash::Entry::load() }.map_err(|error| {
             Error::NoDevice(format!("no Vulkan loader ({error}); install one with `{INSTALL_DRIVER}`"))

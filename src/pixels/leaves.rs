@@ -8,6 +8,7 @@ use rayon::prelude::*;
 use super::store::PixelStore;
 use super::{HalfRadiance, point_on};
 use crate::error::{Error, Result};
+use crate::memory;
 use crate::refine::footprint::{Footprint, ROUNDING};
 use crate::refine::mesh::Mesh;
 use crate::refine::shown::Shown;
@@ -76,7 +77,10 @@ pub fn trace(
             chunk
         });
         let chunks: Vec<Chunk> = chunks.collect();
-        all.reserve(chunks.iter().map(|chunk| chunk.pixels.len()).sum());
+        let found: usize = chunks.iter().map(|chunk| chunk.pixels.len()).sum();
+        let bytes = (2 * (all.len() + found) * size_of::<TracedPixel>()) as u64;
+        memory::check(bytes, "pixels that are traced", memory::SMALLER_PICTURE)?;
+        all.reserve(found);
         let mut unknown = Vec::with_capacity(chunks.iter().map(|chunk| chunk.unknown.len()).sum());
         for chunk in chunks {
             let before = all.len() as u32;

@@ -7,6 +7,7 @@ use glam::{Vec2, Vec3};
 use rayon::prelude::*;
 
 use crate::error::{Error, Result};
+use crate::memory;
 use crate::report::image::FloatImage;
 use crate::scene::View;
 use crate::trace::eye::ViewRays;
@@ -65,8 +66,9 @@ impl Smoothing<'_> {
     /// Smooths `image`, of the view's size; the rays that it took. The same for any number of threads.
     ///
     /// # Errors
-    /// [`Error::Interrupted`].
+    /// [`Error::Interrupted`]; [`Error::HostMemory`].
     pub fn apply(&self, image: &mut FloatImage) -> Result<Rays> {
+        memory::check_picture(image.width, image.height, 5)?;
         let width = image.width as usize;
         let pixels = image.pixels.par_iter().with_min_len(width);
         let drawn: Vec<u8> = pixels.flat_map_iter(|pixel| pixel.map(code)).collect();

@@ -4,6 +4,7 @@ use std::sync::{Arc, Mutex, PoisonError};
 
 use crate::error::Result;
 use crate::gpu::{Commands, Gpu, Image, ReadbackBuffer, ReadbackChoice};
+use crate::memory;
 use crate::report::image::FloatImage;
 
 /// Buffers that nobody reads at the moment.
@@ -55,9 +56,10 @@ impl PendingImage {
     /// Waits for the copy; the image, linear. The staging buffer goes back to its ring.
     ///
     /// # Errors
-    /// A lost device.
+    /// No memory left; a lost device.
     pub fn finish(mut self) -> Result<FloatImage> {
         let (width, height) = (self.width, self.height);
+        memory::check_picture(width, height, 12)?;
         let pixels = linear(&mut self.staging, width as usize * height as usize)?.collect();
         let image = FloatImage { width, height, pixels };
         self.home.lock().unwrap_or_else(PoisonError::into_inner).push(self.staging);
@@ -68,13 +70,14 @@ impl PendingImage {
 /// Copies `color`, four halves a pixel, to the host, linear, as many rows at a time as `staging` has room for, one at least.
 ///
 /// # Errors
-/// A lost device.
+/// No memory left; a lost device.
 pub fn read_in_bands(
     commands: &mut Commands,
     color: &Image,
     staging: &mut ReadbackBuffer,
 ) -> Result<FloatImage> {
     let (width, height) = (color.width(), color.height());
+    memory::check_picture(width, height, 12)?;
     let at_once = (staging.size() / color.row_bytes()).max(1) as u32;
     let mut pixels = Vec::with_capacity(width as usize * height as usize);
     let mut top = 0;

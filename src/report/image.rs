@@ -7,6 +7,10 @@ use rayon::prelude::*;
 
 use super::pfm;
 use crate::error::{Error, Result};
+use crate::memory;
+
+/// Bytes that a pixel takes while it is decoded, at most: four floats, three numbers of those, and what is kept.
+const DECODED_BYTES: u64 = 40;
 
 /// An image of linear radiance, three channels, no alpha.
 #[derive(Debug, Clone, PartialEq)]
@@ -32,20 +36,26 @@ impl FloatImage {
     /// Eight and sixteen bit files are decoded from sRGB, the others are linear already.
     ///
     /// # Errors
-    /// [`Error::Io`] if the file cannot be read, [`Error::Image`] if it is broken or none of the above.
+    /// [`Error::Io`] if the file cannot be read, [`Error::HostMemory`] if it cannot be held, [`Error::Image`] if it is
+    /// broken or none of the above.
     pub fn read(path: &Path) -> Result<Self> {
         let bytes = std::fs::read(path).map_err(Error::io(path))?;
+        let check = |bytes| memory::check(bytes, &path.display().to_string(), "a smaller picture needs less");
         if bytes.starts_with(b"PF") || bytes.starts_with(b"Pf") {
+            let channels = if bytes[1] == b'F' { 3 } else { 1 };
+            check(3 * bytes.len() as u64 / channels)?;
             return pfm::decode(&bytes).map_err(|problem| Error::Image { path: path.into(), problem });
         }
         let broken = |problem: String| Error::Image { path: path.into(), problem };
-        let reader = ImageReader::new(Cursor::new(&bytes)).with_guessed_format().map_err(Error::io(path))?;
+        let open = || ImageReader::new(Cursor::new(&bytes)).with_guessed_format().map_err(Error::io(path));
         let Some(format @ (ImageFormat::Png | ImageFormat::Jpeg | ImageFormat::Hdr | ImageFormat::OpenExr)) =
-            reader.format()
+            open()?.format()
         else {
             return Err(broken("not a PNG, JPEG, HDR, EXR or PFM image".into()));
         };
-        let decoded = reader.decode().map_err(|error| broken(error.to_string()))?;
+        let (width, height) = open()?.into_dimensions().map_err(|error| broken(error.to_string()))?;
+        check(u64::from(width) * u64::from(height) * DECODED_BYTES)?;
+        let decoded = open()?.decode().map_err(|error| broken(error.to_string()))?;
         let linear = matches!(format, ImageFormat::Hdr | ImageFormat::OpenExr);
         Ok(if linear { Self::from_linear(decoded) } else { Self::from_srgb(decoded) })
     }

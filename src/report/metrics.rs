@@ -7,6 +7,7 @@ use serde::Serialize;
 
 use super::{FloatImage, flip, image::srgb_encode};
 use crate::error::{Error, Result};
+use crate::memory;
 
 /// Which values are compared.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
@@ -51,6 +52,9 @@ pub fn compare(
     Differences::new(a, b)?.over(mask, encoding)
 }
 
+/// Bytes that a pixel takes while it is compared, beside those of the images: most of them ꟻLIP's.
+const COMPARED_BYTES: u64 = 80;
+
 /// Two images of one size, to be compared over several regions.
 pub struct Differences<'i> {
     a: &'i FloatImage,
@@ -63,7 +67,7 @@ impl<'i> Differences<'i> {
     /// Between `b` and the reference `a`.
     ///
     /// # Errors
-    /// [`Error::Compare`] if the sizes differ.
+    /// [`Error::Compare`] if the sizes differ; [`Error::HostMemory`].
     pub fn new(a: &'i FloatImage, b: &'i FloatImage) -> Result<Self> {
         if (a.width, a.height) != (b.width, b.height) {
             return Err(Error::Compare(format!(
@@ -71,6 +75,8 @@ impl<'i> Differences<'i> {
                 a.width, a.height, b.width, b.height
             )));
         }
+        let object = format!("comparing pictures of {}x{}", a.width, a.height);
+        memory::check(a.pixels.len() as u64 * COMPARED_BYTES, &object, "smaller pictures need less")?;
         Ok(Self { a, b, flip: OnceCell::new() })
     }
 

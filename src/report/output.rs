@@ -14,6 +14,11 @@ use serde::Serialize;
 
 use super::{FloatImage, image::srgb_encode, pfm};
 use crate::error::{Error, Result};
+use crate::memory;
+
+/// Bytes that a pixel takes, at most, while it becomes part of a file: three floats, or of a PNG three bytes, as many in the
+/// encoder, and a file that grows by doubling.
+pub const FILE_BYTES: u64 = 12;
 
 /// Most symbolic links that lead to a file, as Linux has it.
 const MOST_LINKS: u32 = 40;
@@ -62,10 +67,12 @@ fn unknown(path: &Path, problem: &str) -> Error {
 /// PNG is scaled by 2^`exposure`, clamped and sRGB-encoded; EXR and PFM hold the values untouched.
 ///
 /// # Errors
-/// [`Error::Image`] for an unknown extension, [`Error::Io`] if the file cannot be written; then nothing
+/// [`Error::Image`] for an unknown extension, [`Error::HostMemory`], [`Error::Io`] if the file cannot be written; then nothing
 /// is left behind, and a file that was there before is still there.
 pub fn write_image(path: &Path, image: &FloatImage, exposure: f32) -> Result<()> {
-    let bytes = match Format::of(path)? {
+    let format = Format::of(path)?;
+    memory::check_picture(image.width, image.height, FILE_BYTES)?;
+    let bytes = match format {
         Format::Png => {
             encode(path, &srgb_bytes(image, exposure), image, ExtendedColorType::Rgb8, ImageFormat::Png)?
         }
@@ -106,7 +113,10 @@ fn encode(
     color: ExtendedColorType,
     format: ImageFormat,
 ) -> Result<Vec<u8>> {
-    let mut file = Cursor::new(Vec::new());
+    // An OpenEXR file is as long as its pixels and some bytes a row, and by doubling would take up to twice that.
+    let rows = 32 * image.height as usize;
+    let room = if format == ImageFormat::OpenExr { bytes.len() + rows + (64 << 10) } else { 0 };
+    let mut file = Cursor::new(Vec::with_capacity(room));
     image::write_buffer_with_format(&mut file, bytes, image.width, image.height, color, format)
         .map_err(|error| Error::Image { path: path.into(), problem: error.to_string() })?;
     Ok(file.into_inner())

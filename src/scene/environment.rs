@@ -10,6 +10,7 @@ use image::{ImageDecoder, ImageFormat, ImageReader};
 use super::Environment;
 use crate::constants::MAX_RADIANCE;
 use crate::error::{Error, Result};
+use crate::memory;
 
 /// Most texels of a panorama: 8192 × 4096.
 const MAX_TEXELS: u64 = 1 << 25;
@@ -40,6 +41,8 @@ pub fn load(path: &Path) -> Result<Environment> {
             "{width} × {height} texels; up to 8192 × 4096 are supported: scale it down"
         )));
     }
+    // As the file has it, as three floats, and as what is kept.
+    memory::check(decoder.total_bytes() + 28 * texels, &format!("{}", path.display()), "scale it down")?;
     let mut caps = image::Limits::no_limits();
     caps.max_alloc = Some(64 * texels + (64 << 20));
     decoder.set_limits(caps).map_err(|error| refuse(one_line(&error)))?;

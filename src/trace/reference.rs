@@ -12,10 +12,14 @@ use super::optics::{self, Branch, BranchKind};
 use super::shaft::Shafts;
 use super::{Appearance, Hit, Rays, Settings, Surface, Tracer, shade, surface};
 use crate::error::{Error, Result};
+use crate::memory;
 use crate::scene::View;
 
 /// Side of the squares of pixels that are traced together, and the height of the bands that threads take turns at.
 const TILE: u32 = 16;
+
+/// Bytes of a pixel of a [`Reference`] while it is made: three floats, and two marks.
+pub const PIXEL_BYTES: u64 = 14;
 
 /// Samples that are followed together, but for those of a last pixel.
 const MOST_TOGETHER: usize = 4096;
@@ -81,7 +85,7 @@ pub struct Reference {
 /// for any number of threads. `progress` is told the finished share, 0 to 1.
 ///
 /// # Errors
-/// [`Error::Interrupted`] once `interrupt` is set.
+/// [`Error::Interrupted`] once `interrupt` is set; [`Error::HostMemory`] if the picture cannot be held.
 pub fn render(
     tracer: &Tracer,
     view: &View,
@@ -97,6 +101,7 @@ pub fn render(
     let pattern = sample_pattern(spp.max(1));
     let settings = samples.settings(settings);
     let wanted = |pixel: usize| only.is_none_or(|only| only[pixel]);
+    memory::check_picture(view.width, view.height, PIXEL_BYTES)?;
     let mut image = vec![[0.0; 3]; view.pixels()];
     let mut centres = vec![false; view.pixels()];
     let band = (view.width * TILE) as usize;

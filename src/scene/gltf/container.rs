@@ -6,6 +6,7 @@ use std::path::Path;
 
 use super::notes::Notes;
 use crate::error::{Error, Result};
+use crate::memory;
 
 const HEADER: usize = 12;
 const CHUNK_HEADER: usize = 8;
@@ -39,8 +40,9 @@ pub fn read_capped(file: &mut File, cap: u64) -> io::Result<Vec<u8>> {
     if length > cap {
         return Err(too_long());
     }
-    let mut bytes = Vec::new();
-    bytes.try_reserve_exact(usize::try_from(length).map_err(|_| too_long())?)?;
+    memory::check(length, "its bytes", "split the model")
+        .map_err(|error| io::Error::new(io::ErrorKind::OutOfMemory, error.to_string()))?;
+    let mut bytes = Vec::with_capacity(usize::try_from(length).map_err(|_| too_long())?);
     file.take(cap.saturating_add(1)).read_to_end(&mut bytes)?;
     if bytes.len() as u64 > cap { Err(too_long()) } else { Ok(bytes) }
 }

@@ -11,6 +11,7 @@ use super::Limits;
 use super::nodes::local_transform;
 use super::notes::Notes;
 use crate::error::{Error, Result};
+use crate::memory;
 
 /// Extensions that are read; any other is refused where it is required and noted where it is used.
 const SUPPORTED: &[&str] = &[
@@ -43,9 +44,12 @@ impl Document {
     /// Parses `json`.
     pub fn parse(json: &[u8], file: &Path, limits: &Limits, notes: &Notes) -> Result<Self> {
         let refuse = |object: &str, problem: String| Error::scene(file, object, problem);
-        if estimated_memory(json) > MAX_JSON_MEMORY {
+        let parsed = estimated_memory(json);
+        if parsed > MAX_JSON_MEMORY {
             return Err(refuse("JSON", "too many values; move data into binary buffers".into()));
         }
+        // Data URIs are decoded from it.
+        memory::check(parsed + json.len() as u64, "JSON", "move data into binary buffers")?;
         let json = without_padding(json);
         if json.is_empty() {
             return Err(refuse("JSON", "is empty".into()));

@@ -13,6 +13,7 @@ use super::buffers::Buffers;
 use super::textures::image_of;
 use super::uri::Resolver;
 use crate::error::{Error, Result};
+use crate::memory;
 use crate::scene::Image;
 
 /// Longest side of an image; what Vulkan devices commonly allow.
@@ -33,7 +34,7 @@ pub fn load(
     let refuse =
         |index: usize| move |problem: String| Error::scene(file, format!("images[{index}]"), problem);
     // All headers before the first decoding, so that a file over the budget is refused at once.
-    let (mut decoded, mut encoded_left) = (0_u64, limits.max_file_bytes);
+    let (mut decoded, mut largest, mut encoded_left) = (0_u64, 0, limits.max_file_bytes);
     let mut sources = Vec::with_capacity(used.len());
     for &index in used {
         let bytes = encoded(root, &root.images[index], buffers, resolver).map_err(refuse(index))?;
@@ -42,9 +43,12 @@ pub fn load(
             .checked_sub(bytes.len() as u64)
             .ok_or_else(|| refuse(index)("too many bytes of encoded images in all; share images".into()))?;
         let budget = limits.max_texture_bytes.saturating_sub(decoded);
-        decoded += Cost::of(&bytes).and_then(|cost| cost.within(budget)).map_err(refuse(index))?.rgba;
+        let cost = Cost::of(&bytes).and_then(|cost| cost.within(budget)).map_err(refuse(index))?;
+        decoded += cost.rgba;
+        largest = largest.max(cost.peak());
         sources.push((index, bytes));
     }
+    memory::check(decoded + largest, "textures", memory::SMALLER_TEXTURES)?;
     sources
         .into_iter()
         .map(|(index, bytes)| {
@@ -75,9 +79,13 @@ impl Cost {
         Ok(Self { width, height, rgba, raw: decoder.total_bytes() })
     }
 
+    /// The decoded texels, their RGBA8 form and the shared copy: never more than two of them at a time.
+    fn peak(&self) -> u64 {
+        self.rgba + self.rgba.max(self.raw)
+    }
+
     fn within(self, budget: u64) -> std::result::Result<Self, String> {
-        // The decoded texels, their RGBA8 form and the shared copy: never more than two of them at a time.
-        let peak = self.rgba + self.rgba.max(self.raw);
+        let peak = self.peak();
         if peak <= budget {
             return Ok(self);
         }

@@ -20,6 +20,7 @@ use super::notes::Notes;
 use super::piece::{Attributes, Dropped, Piece};
 use super::{tangents, triangles};
 use crate::error::{Error, Result};
+use crate::memory;
 use crate::scene::mesh::MAX_REACH;
 use crate::scene::{Geometry, Material, Object};
 
@@ -70,6 +71,7 @@ impl Parts {
                 parts.list.push(Part { node, mesh, primitive, triangles: triangles as usize });
             }
         }
+        memory::check(total * memory::FACE_LOADED, &format!("{total} triangles"), memory::SMALLER_SCENE)?;
         Ok(parts)
     }
 

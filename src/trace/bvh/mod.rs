@@ -16,6 +16,8 @@ use super::real::{Real, Triple};
 use super::surface::{self, Record};
 use super::texel;
 use super::vector::{Isa, Numbers, Processor, WIDTH, get};
+use crate::error::Result;
+use crate::memory;
 use crate::scene::{AlphaMode, Scene};
 
 pub(super) use packet::{EntryPoints, Packet};
@@ -81,6 +83,18 @@ pub struct Hierarchy {
 }
 
 impl<'s> Tracer<'s> {
+    /// Whether what tracing builds of `scene` can be held.
+    ///
+    /// # Errors
+    /// [`Error::HostMemory`](crate::error::Error::HostMemory).
+    pub fn check_memory(scene: &Scene) -> Result<()> {
+        let faces = scene.geometry.faces.len() as u64;
+        // Mip levels are a third of what they are made of.
+        let mips: u64 = scene.images.iter().map(|image| image.rgba.len() as u64 / 3).sum();
+        let object = format!("tracing {faces} triangles");
+        memory::check(faces * memory::FACE_TRACED + mips, &object, memory::SMALLER_SCENE)
+    }
+
     /// Builds the BVH over all faces of `scene`.
     pub fn new(scene: &'s Scene) -> Self {
         let geometry = &scene.geometry;
