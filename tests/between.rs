@@ -229,11 +229,9 @@ fn slivers_of_hidden_faces_are_refined() {
     gpu.finish();
 }
 
-/// Where a light does not reach any more, corners are as dark in a shadow as out of it; in between it may still reach.
-#[test]
-fn shadows_at_the_rim_of_a_light_are_dark() {
-    let gpu = TestGpu::open();
-    let mut builder = SceneBuilder::new("ball at the rim of a spot light");
+/// A ball and a floor at the rim of a spot light.
+fn spot_light(name: &str) -> SceneBuilder {
+    let mut builder = SceneBuilder::new(name);
     let white = builder.material(matte("white"));
     let dark = builder.material(matte("dark").colored(Vec3::splat(0.05)));
     builder.mesh("floor", shape::plane(vec3(-4.0, 0.0, 4.0), Vec3::X * 8.0, Vec3::NEG_Z * 8.0, 1.0), white);
@@ -247,10 +245,34 @@ fn shadows_at_the_rim_of_a_light_are_dark() {
         outer_cos: 0.4_f32.cos(),
     };
     builder.light(Light { name: "spot".into(), kind, intensity: Vec3::splat(60.0) });
-    let mut scene = builder.build().unwrap();
+    builder
+}
+
+/// Where a light does not reach any more, corners are as dark in a shadow as out of it; in between it may still reach.
+#[test]
+fn shadows_at_the_rim_of_a_light_are_dark() {
+    let gpu = TestGpu::open();
+    let mut scene = spot_light("ball at the rim of a spot light").build().unwrap();
     let mut worst = 0;
     for eye in [vec3(-1.32, 2.44, 0.68), vec3(0.41, 2.63, 1.23), vec3(-2.0, 3.0, 2.0), vec3(1.0, 4.0, 2.0)] {
         scene.cameras = vec![Camera::look_at(eye, vec3(0.7, 0.5, -1.3), 1.2)];
+        worst = worst.max(wrong(&gpu, &scene, &options(320, 256)));
+    }
+    assert!(worst < 20, "{worst} pixels are wrong");
+    gpu.finish();
+}
+
+/// The same as a mirror shows it.
+#[test]
+fn reflected_shadows_at_the_rim_of_a_light_are_dark() {
+    let gpu = TestGpu::open();
+    let mut builder = spot_light("rim of a spot light in a mirror");
+    let silver = builder.material(chrome("silver", Vec3::splat(0.9)));
+    builder.mesh("mirror", shape::plane(vec3(-4.0, 0.0, 4.0), Vec3::NEG_Z * 8.0, Vec3::Y * 5.0, 1.0), silver);
+    let mut scene = builder.build().unwrap();
+    let mut worst = 0;
+    for eye in [vec3(3.0, 2.4, 0.7), vec3(2.0, 2.6, 2.0), vec3(0.5, 3.0, 2.0), vec3(-1.0, 2.0, -1.0)] {
+        scene.cameras = vec![Camera::look_at(eye, vec3(-4.0, 1.0, -0.5), 1.2)];
         worst = worst.max(wrong(&gpu, &scene, &options(320, 256)));
     }
     assert!(worst < 20, "{worst} pixels are wrong");

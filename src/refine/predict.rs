@@ -122,8 +122,7 @@ impl Predictor<'_> {
             Shape::Planes { own } => {
                 let Some(end) = self.drawn_candidate(node, ends, distances) else { return lost };
                 if end.lit != node.lit {
-                    let jump = node.throughput * (node.local.textured - end.local.textured);
-                    return (mean_square(jump) * structure.mean_square, 0.25);
+                    return (across_shadow([node, end]) * structure.mean_square, 0.25);
                 }
                 if own {
                     return (0.0, 0.0);
@@ -314,8 +313,7 @@ impl Predictor<'_> {
         }
         for (one, other) in [(a, b), (b, c), (c, a)] {
             if one.target == other.target && one.lit != other.lit {
-                let jump = one.throughput * one.local.textured - other.throughput * other.local.textured;
-                loss = loss.max(mean_square(jump));
+                loss = loss.max(across_shadow([one, other]));
             }
             // Elsewhere highlights are Gouraud-shaded, and may be sharper than that.
             if matches!(shape, Shape::Chart | Shape::Plane { own: false }) {
@@ -394,6 +392,14 @@ fn touches(nodes: [&Node; 3]) -> bool {
 /// Radiance that a node would show with the mean texel.
 fn weight(node: &Node, structure: &Structure) -> Vec3 {
     node.throughput * (node.local.textured * structure.mean_square.sqrt() + node.local.added)
+}
+
+/// Largest square of the light that changes between two nodes of one target that are not lit by the same lights, before
+/// texture. Where one is lit by a light that does not reach it, and the other is not, both are dark.
+fn across_shadow(nodes: [&Node; 2]) -> f32 {
+    let [one, other] = nodes.map(|node| node.throughput * node.local.textured);
+    let shadowed = nodes.map(|node| node.throughput * node.shadowed.textured);
+    [one - other, shadowed[0], shadowed[1]].map(mean_square).into_iter().fold(0.0, f32::max)
 }
 
 fn contribution(node: &Node, structure: &Structure) -> f32 {

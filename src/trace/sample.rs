@@ -98,6 +98,8 @@ pub struct Node {
     pub throughput: Vec3,
     /// Local component at the target, base colour texture kept apart: C_refl or C_trans of Eq. 3.
     pub local: Local,
+    /// What shadows take from it.
+    pub shadowed: Local,
     /// Linear base colour texel there.
     pub texel: Vec3,
     /// Origin of the last segment.
@@ -291,6 +293,7 @@ impl Walk<'_, '_> {
             uv: Vec2::ZERO,
             throughput: path.throughput,
             local: Local::default(),
+            shadowed: Local::default(),
             texel: Vec3::ONE,
             origin: branch.origin,
             direction: branch.direction,
@@ -303,7 +306,7 @@ impl Walk<'_, '_> {
             node.throughput *= transmittance;
             node.absorbed |= transmittance != Vec3::ONE;
             node.local.added = shade::background(scene, branch.direction);
-            self.push(node, || false);
+            self.push(node, false);
             return;
         };
         path.from_eye += hit.t;
@@ -316,6 +319,10 @@ impl Walk<'_, '_> {
         node.target = self.context.targets.of(hit.face);
         node.lit = lights(self.context, &surface, &appearance, u32::from(path.bounces), self.rays);
         node.local = shade::local(scene, &surface, &appearance, branch.direction, node.lit);
+        if node.lit != shade::ALL_LIT {
+            let lit_by_all = shade::local(scene, &surface, &appearance, branch.direction, shade::ALL_LIT);
+            node.shadowed = lit_by_all - node.local;
+        }
         node.texel = appearance.base_texel;
         node.throughput = path.throughput;
         node.absorbed = path.absorbed;
@@ -325,25 +332,20 @@ impl Walk<'_, '_> {
             node.uv = slot.transform(surface.uvs[usize::from(slot.uv_set)]);
         }
         let target = node.target;
-        let elsewhere = || {
-            let glows = scene.materials[surface.material as usize].emissive_texture.is_some();
-            let lit_by_all = || shade::local(scene, &surface, &appearance, branch.direction, shade::ALL_LIT);
-            glows || node.lit != shade::ALL_LIT && shows(lit_by_all())
-        };
-        self.push(node, elsewhere);
+        self.push(node, scene.materials[surface.material as usize].emissive_texture.is_some());
         if surface.vt {
             path.identity = mix(path.identity, target << 1 | u32::from(surface.outside));
             self.branch(&surface, &appearance, branch.direction, path);
         }
     }
 
-    /// Keeps a node that shows, or whose target would `elsewhere`: where it is in full shadow, or a texture that glows is black,
+    /// Keeps a node that shows, or whose target would elsewhere: where it is in full shadow, or a texture that `glows` is black,
     /// its path must still match that of its neighbours. After one bounce also one that sees nothing, or a plane in the dark:
     /// something else may stand between it and its neighbours.
-    fn push(&mut self, node: Node, elsewhere: impl FnOnce() -> bool) {
+    fn push(&mut self, node: Node, glows: bool) {
         let target = &self.context.targets.targets[node.target as usize];
         let is_even = node.target == ENVIRONMENT || target.patch.is_some();
-        if shows(node.local) || node.bounces == 1 && is_even || elsewhere() {
+        if shows(node.local) || shows(node.shadowed) || node.bounces == 1 && is_even || glows {
             self.nodes.push(node);
         }
     }

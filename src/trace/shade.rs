@@ -1,6 +1,7 @@
 //! The local component of Eq. 1: emission, ambient, diffuse and highlight under hard shadows.
 
 use std::f32::consts::{FRAC_1_PI, TAU};
+use std::ops::Sub;
 
 use glam::Vec3;
 
@@ -24,6 +25,14 @@ pub struct Local {
     pub textured: Vec3,
     /// Added.
     pub added: Vec3,
+}
+
+impl Sub for Local {
+    type Output = Self;
+
+    fn sub(self, other: Self) -> Self {
+        Self { textured: self.textured - other.textured, added: self.added - other.added }
+    }
 }
 
 impl Local {
