@@ -4,27 +4,12 @@
 mod common;
 
 use glam::{Vec3, Vec4, vec3};
-use vertex_tracing::{
-    options::Options,
-    report::metrics::{Encoding, compare},
-    scene::{
-        AlphaMode, Background, Camera, Filter, Image, Light, LightKind, Material, Sampler, Scene,
-        TextureSlot,
-        demo::{Demo, MaterialId, SceneBuilder, chrome, glass, matte, shape, texture},
-    },
+use vertex_tracing::scene::{
+    AlphaMode, Background, Camera, Filter, Image, Light, LightKind, Material, Sampler, TextureSlot,
+    demo::{Demo, MaterialId, SceneBuilder, chrome, glass, matte, shape, texture},
 };
 
-use common::{TestGpu, image, options, psnr, traced};
-
-/// Pixels that differ from the reference by more than a tenth, as they are displayed.
-fn wrong(gpu: &TestGpu, scene: &Scene, options: &Options) -> usize {
-    let frame = gpu.render(scene, options);
-    let truth = image(options, &traced(scene, options, 1, None));
-    let error = compare(&truth, &frame.image, None, Encoding::Srgb).unwrap();
-    let count = (error.over_0_1 * frame.image.pixels.len() as f64).round() as usize;
-    println!("{}: {count} pixels are wrong, {:.1} dB", scene.name, error.psnr.unwrap_or(99.0));
-    count
-}
+use common::{TestGpu, image, options, psnr, traced, wrong};
 
 /// A room of 6 by 3 by 6 with a chequered floor and a light near its ceiling.
 fn room(name: &str) -> SceneBuilder {

@@ -7,7 +7,7 @@ use std::sync::atomic::{AtomicBool, Ordering};
 use glam::Vec2;
 use rayon::prelude::*;
 
-use super::picture::PicturePixel;
+use super::picture::{self, PicturePixel};
 use super::point_on;
 use super::store::PixelStore;
 use crate::error::{Error, Result};
@@ -49,7 +49,8 @@ pub struct Direct {
     objects: Vec<u32>,
     /// Pixels that they own.
     pixels: u64,
-    /// Depth before the eye, along the view's axis, at which their picture is drawn: nearer than any of them.
+    /// Depth before the eye, along the view's axis, at which their picture is drawn: nearer than any of them, if its corners can
+    /// be told apart there.
     pub depth: f32,
 }
 
@@ -93,7 +94,7 @@ impl Direct {
             depths.into_iter().fold(f32::INFINITY, f32::min)
         };
         let nearest = faces.par_iter().map(depth_of).reduce(|| f32::INFINITY, f32::min);
-        direct.depth = (nearest * BEFORE).max(2.0 * view.near);
+        direct.depth = (nearest * BEFORE).max(picture::nearest_depth(view));
         direct
     }
 

@@ -13,6 +13,15 @@ use crate::trace::Rays;
 use crate::trace::sample::Context;
 use crate::visibility::{Found, IdImage};
 
+/// Roundings of the eye's largest coordinate before the eye at which the picture is drawn, at least: nearer its corners would not
+/// be where they should, and what stands nearer hides it.
+const NEAREST: f32 = 4096.0 * f32::EPSILON;
+
+/// Least depth before the eye, along the view's axis, at which a picture can be drawn.
+pub(super) fn nearest_depth(view: &View) -> f32 {
+    (view.eye.abs().max_element() * NEAREST).max(2.0 * view.near)
+}
+
 /// A pixel of the picture.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct PicturePixel {
@@ -79,7 +88,7 @@ impl Subject {
         pixels.extend(veiled);
         Ok(Picture {
             pixels,
-            depth: Veils::depth(context.view),
+            depth: nearest_depth(context.view),
             veiled: true,
             direct,
             rays: rays + veil_rays,

@@ -17,10 +17,6 @@ use crate::trace::sample::Context;
 /// Side of the squares of pixels that are traced together.
 const TILE: u32 = 16;
 
-/// Roundings of the eye's largest coordinate at which their picture is drawn before the eye: nearer its corners would not be
-/// where they should, and what stands nearer hides it.
-const NEAREST: f32 = 4096.0 * f32::EPSILON;
-
 /// The pixels that BLEND faces may show in.
 #[derive(Debug, Default)]
 pub struct Veils {
@@ -60,11 +56,6 @@ impl Veils {
     /// Whether there is none.
     pub fn is_empty(&self) -> bool {
         self.covered.is_empty()
-    }
-
-    /// Depth before the eye, along the view's axis, at which their picture is drawn: before all that they are blended with.
-    pub fn depth(view: &View) -> f32 {
-        (view.eye.abs().max_element() * NEAREST).max(2.0 * view.near)
     }
 
     /// Whether pixel `index` is one of them.

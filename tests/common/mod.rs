@@ -51,6 +51,16 @@ pub fn psnr(a: &FloatImage, b: &FloatImage) -> f64 {
     compare(a, b, None, Encoding::Srgb).unwrap().psnr.unwrap_or(f64::INFINITY)
 }
 
+/// Pixels that differ from the reference by more than a tenth, as they are displayed.
+pub fn wrong(gpu: &TestGpu, scene: &Scene, options: &Options) -> usize {
+    let frame = gpu.render(scene, options);
+    let truth = image(options, &traced(scene, options, 1, None));
+    let error = compare(&truth, &frame.image, None, Encoding::Srgb).unwrap();
+    let count = (error.over_0_1 * frame.image.pixels.len() as f64).round() as usize;
+    println!("{}: {count} pixels are wrong, {:.1} dB", scene.name, error.psnr.unwrap_or(99.0));
+    count
+}
+
 /// A device under validation, whose messages [`finish`](Self::finish) checks.
 pub struct TestGpu {
     gpu: Arc<Gpu>,
