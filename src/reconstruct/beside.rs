@@ -50,9 +50,16 @@ impl Borders {
         Self(borders)
     }
 
-    /// What the leaves around the corners of `face` see.
-    pub fn around(&self, mesh: &Mesh, face: u32) -> Vec<Beside> {
-        let points = mesh.faces[face as usize].corners.map(|v| mesh.vertices[v as usize].point);
-        points.iter().filter_map(|point| self.0.get(point)).flatten().copied().collect()
+    /// What the leaves around the corners of `face` see, but for planes that it lies in itself: no ray from it meets these, and
+    /// where one does by rounding, it would be met before all others.
+    pub fn around(&self, targets: &Targets, mesh: &Mesh, face: u32) -> Vec<Beside> {
+        let corners = mesh.faces[face as usize].corners;
+        let lies_in = |beside: &&Beside| {
+            let patch = targets.targets[beside.target as usize].patch.as_ref();
+            patch.is_some_and(|patch| corners.iter().all(|&v| patch.has(mesh.position(v))))
+        };
+        let points = corners.map(|v| mesh.vertices[v as usize].point);
+        let seen = points.iter().filter_map(|point| self.0.get(point)).flatten();
+        seen.filter(|beside| !lies_in(beside)).copied().collect()
     }
 }

@@ -269,7 +269,7 @@ impl Stage<'_> {
             if object.vt {
                 // What no traced pixel covers of a traced leaf is Gouraud-shaded: no nodes.
                 let room = if is_traced { 0 } else { matcher.room };
-                nodes = matcher.leaf_beside(seen, room, &self.borders.around(mesh, face));
+                nodes = matcher.leaf_beside(seen, room, &self.borders.around(matcher.targets, mesh, face));
                 leaf.flags = nodes.count << LEAF_COUNT_SHIFT;
                 if let Some((target, lit)) = nodes.first {
                     (leaf.first_target, leaf.first_lit) = (target, lit);

@@ -354,10 +354,19 @@ fn convex_hull(points: &mut Vec<DVec2>) -> Vec<DVec2> {
     hull
 }
 
+/// Distance from a plane of what is in it, as a share of its coordinates.
+const IN_PLANE: f32 = 16.0 * f32::EPSILON;
+
 impl Patch {
     /// Whether a point of the plane lies inside the outline; true where there is none.
     pub fn contains(&self, point: Vec3) -> bool {
         self.outline.as_ref().is_none_or(|sides| sides.iter().all(|h| h.truncate().dot(point) <= h.w))
+    }
+
+    /// Whether a point lies in the plane, as far as single precision tells.
+    pub fn has(&self, point: Vec3) -> bool {
+        let rounding = IN_PLANE * (self.distance.abs() + point.abs().max_element());
+        (self.normal.dot(point) - self.distance).abs() <= rounding
     }
 
     /// Base-colour texture coordinates at a point of the plane.
