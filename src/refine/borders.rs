@@ -57,24 +57,25 @@ impl Refiner<'_> {
         }
     }
 
-    /// Whether between corners of `face` that see different planes by `nodes`, a path of one bounce, one of these is lit
-    /// otherwise than where a corner sees it, or another one is seen: what the corners say of a plane's light is drawn up to
-    /// its border with the next.
-    pub(super) fn is_lit_otherwise(&self, face: u32, nodes: [&Node; 3], rays: &mut Rays) -> bool {
-        let settings = Settings { depth: 1, ..*self.context.settings };
+    /// Squared contribution of what is seen between corners of `face` that see different planes by `nodes`, one path,
+    /// if one of these is lit otherwise there than where a corner sees it, or another one is seen: what the corners say of a
+    /// plane's light is drawn up to its border with the next.
+    pub(super) fn lit_otherwise(&self, face: u32, nodes: [&Node; 3], rays: &mut Rays) -> Option<f32> {
+        let depth = self.context.settings.depth.min(u32::from(nodes[0].bounces));
+        let settings = Settings { depth, ..*self.context.settings };
         let context = Context { settings: &settings, ..*self.context };
         let corners = self.mesh.faces[face as usize].corners;
         let mut found = Vec::new();
-        (0..3).filter(|&i| nodes[i].target != nodes[(i + 1) % 3].target).any(|i| {
-            let ends = [corners[i], corners[(i + 1) % 3]];
-            BETWEEN.into_iter().any(|share| {
-                found.clear();
-                sample::trace(&context, &between(&self.mesh, ends, share), &mut found, rays);
-                let known = |node: &Node| {
-                    nodes.iter().any(|corner| corner.target == node.target && corner.lit == node.lit)
-                };
-                found.iter().any(|node| node.path == nodes[0].path && !known(node))
-            })
+        let borders = (0..3).filter(|&i| nodes[i].target != nodes[(i + 1) % 3].target);
+        let points = borders.flat_map(|i| BETWEEN.map(|share| ([corners[i], corners[(i + 1) % 3]], share)));
+        points.into_iter().find_map(|(ends, share)| {
+            found.clear();
+            sample::trace(&context, &between(&self.mesh, ends, share), &mut found, rays);
+            let known = |node: &Node| {
+                nodes.iter().any(|corner| corner.target == node.target && corner.lit == node.lit)
+            };
+            let other = found.iter().find(|node| node.path == nodes[0].path && !known(node))?;
+            Some(self.predictor.square(other))
         })
     }
 

@@ -10,6 +10,9 @@ use crate::trace::{Appearance, Surface, shade};
 /// Share of a segment's length that is left out at its far end, where it touches its target.
 const END: f32 = 1e-3;
 
+/// Squared contribution of what enters a shaft beyond which nothing brighter is looked for.
+const ENOUGH: f32 = 0.01;
+
 /// The convex hull of three segments, to be held against boxes and triangles.
 ///
 /// It is told apart along the axes of the coordinates, the normals of its sides and ends, and, from a triangle, along
@@ -85,12 +88,14 @@ impl Shaft {
 }
 
 /// Squared contribution of what may be seen in place of what `nodes` meet, of the squared contribution `seen`, for a face of
-/// another object than `own` and of another target reaches in between their last segments; `None` if none does, or none of
-/// those that do and of what they hide amounts to `least`. Specular faces may show what is as bright as `brightest`.
+/// another object than `own`, and of another target where they are `followed`, reaches in between their last segments; `None` if
+/// none does, or none of those that do and of what they hide amounts to `least`. Specular faces may show what is as bright as
+/// `brightest`.
 pub fn entered(
     context: &Context,
     own: u32,
     nodes: [&Node; 3],
+    followed: bool,
     [seen, least]: [f32; 2],
     brightest: Vec3,
 ) -> Option<f32> {
@@ -100,21 +105,21 @@ pub fn entered(
     let ends = nodes.map(|node| node.origin + node.direction * (node.length.min(far) * (1.0 - END)));
     let shaft = Shaft::new(starts, ends);
     let throughput = nodes[0].throughput;
-    let mut most = None;
+    let mut most = 0.0_f32;
     context.tracer.any_face(
         |low, high| shaft.meets_box(low, high),
         |face| {
             let enters = scene.geometry.face_objects[face as usize] != own
-                && nodes.iter().all(|node| node.target != context.targets.of(face))
+                && !(followed && nodes.iter().any(|node| node.target == context.targets.of(face)))
                 && shaft.meets_triangle(scene.geometry.corners(face));
             if enters {
                 let shows = radiance(context, face, nodes[0].direction, brightest);
-                most = Some(seen.max(mean_square(throughput * shows))).filter(|&most| most >= least);
+                most = most.max(seen).max(mean_square(throughput * shows));
             }
-            most.is_some()
+            most >= ENOUGH.max(least)
         },
     );
-    most
+    (most >= least).then_some(most)
 }
 
 /// Radiance that `face` may send back along `direction`: unshadowed, and without its base colour's texture.

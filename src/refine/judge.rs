@@ -8,7 +8,7 @@ use super::{COLOR_PER_PIXEL, Entry, Refiner, guard, mesh, samples, shown};
 use crate::options::{DEFAULT_ERROR, Reconstruction};
 use crate::scene::patch::TargetId;
 use crate::scene::{TextureSlot, View};
-use crate::trace::sample::Context;
+use crate::trace::sample::{Context, Node};
 use crate::trace::{Appearance, Rays, shade, texel};
 
 /// Exploration: squared error assumed of a face that nothing is known of. It fades by level, and for large faces
@@ -55,6 +55,9 @@ const LATTICE: u32 = 7;
 /// hidden by the size of flat faces; on curved ones samples lie close, and looking into their shafts made refinement
 /// three to ten times as long and found nothing (docs/samples.md).
 pub(super) const FLAT: f32 = 0.01;
+
+/// Bounces of paths whose last segments are looked into between flat faces' corners.
+const LOOKED_INTO: u8 = 2;
 
 /// Predicted squared error per pixel below which nothing is worth a sample: half an 8-bit step.
 const NEGLIGIBLE: f32 = (0.5 / 255.0) * (0.5 / 255.0);
@@ -247,19 +250,29 @@ impl Refiner<'_> {
         }
         let base = self.mesh.faces[face as usize].base;
         let own = self.context.tracer.scene().geometry.face_objects[base as usize];
-        for nodes in self.predictor.trusted(corners).filter(|nodes| nodes[0].bounces == 1) {
+        let entered = |nodes: [&Node; 3], followed: bool, seen: f32| {
+            guard::entered(self.context, own, nodes, followed, [seen, NEGLIGIBLE], self.brightest)
+        };
+        for (nodes, followed) in
+            self.predictor.shared(corners).filter(|(nodes, _)| nodes[0].bounces <= LOOKED_INTO)
+        {
+            if !followed {
+                // Where corners disagree on what is dark, nothing else says that it may be lit between them.
+                let seen = nodes.map(|node| self.predictor.square(node)).into_iter().fold(0.0, f32::max);
+                let dark = seen < NEGLIGIBLE;
+                square += if dark { entered(nodes, followed, seen).unwrap_or(0.0) } else { 0.0 };
+                continue;
+            }
             let [a, b, c] = nodes.map(|node| node.target);
             let shaft = (a == b && b == c).then_some((nodes[0].path, a));
             let within = shaft.is_some() && known.contains(&shaft);
             let seen = self.predictor.square(nodes[0]);
-            let entered = match within {
-                true => None,
-                false => guard::entered(self.context, own, nodes, [seen, NEGLIGIBLE], self.brightest),
-            };
-            if let Some(most) = entered {
+            if let Some(most) = (!within).then(|| entered(nodes, followed, seen)).flatten() {
                 square += most;
-            } else if shaft.is_none() && self.is_lit_otherwise(face, nodes, rays) {
-                square += seen;
+            } else if let Some(other) =
+                shaft.is_none().then(|| self.lit_otherwise(face, nodes, rays)).flatten()
+            {
+                square += seen.max(other);
             } else if let Some(room) = clear.iter_mut().find(|room| room.is_none()) {
                 *room = shaft;
             }

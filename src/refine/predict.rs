@@ -205,13 +205,18 @@ impl Predictor<'_> {
         missed as f32 / all as f32
     }
 
-    /// The paths that are followed between all three corners.
-    pub fn trusted<'n>(&self, corners: [Corner<'n>; 3]) -> impl Iterator<Item = [&'n Node; 3]> {
+    /// The paths that all three corners have, each with whether it is followed between them.
+    pub fn shared<'n>(&self, corners: [Corner<'n>; 3]) -> impl Iterator<Item = ([&'n Node; 3], bool)> {
         corners[0].sample.nodes.iter().enumerate().filter_map(move |(at, a)| {
             let near = |corner: usize| corners[corner].sample.node_near(a.path, at);
             let nodes = [a, near(1)?, near(2)?];
-            Shape::of(&nodes, self.targets).map(|_| nodes)
+            Some((nodes, Shape::of(&nodes, self.targets).is_some()))
         })
+    }
+
+    /// Those that are followed.
+    fn followed<'n>(&self, corners: [Corner<'n>; 3]) -> impl Iterator<Item = [&'n Node; 3]> {
+        self.shared(corners).filter_map(|(nodes, followed)| followed.then_some(nodes))
     }
 
     /// Whether a path of several bounces that can be seen turns by more than `angle`, in radians, between two corners: what
@@ -230,8 +235,9 @@ impl Predictor<'_> {
     /// Largest squared contribution of a node at a corner whose target shows what corners do not tell: holes, or a texture that
     /// glows, which no fragment looks up but on a plane that it sees after one bounce.
     pub fn untold(&self, corners: [Corner; 3]) -> f32 {
-        let on_own_plane =
-            |path: u32| self.trusted(corners).any(|nodes| nodes[0].path == path && self.is_own_plane(&nodes));
+        let on_own_plane = |path: u32| {
+            self.followed(corners).any(|nodes| nodes[0].path == path && self.is_own_plane(&nodes))
+        };
         let untold = |node: &Node| {
             let target = &self.targets.targets[node.target as usize];
             match self.scene.materials.get(target.material as usize) {

@@ -340,12 +340,10 @@ impl Walk<'_, '_> {
     }
 
     /// Keeps a node that shows, or whose target would elsewhere: where it is in full shadow, or a texture that `glows` is black,
-    /// its path must still match that of its neighbours. After one bounce also one that sees nothing, or a plane in the dark:
+    /// its path must still match that of its neighbours. After one bounce also one that sees nothing, or what is dark:
     /// something else may stand between it and its neighbours.
     fn push(&mut self, node: Node, glows: bool) {
-        let target = &self.context.targets.targets[node.target as usize];
-        let is_even = node.target == ENVIRONMENT || target.patch.is_some();
-        if shows(node.local) || shows(node.shadowed) || node.bounces == 1 && is_even || glows {
+        if shows(node.local) || shows(node.shadowed) || node.bounces == 1 || glows {
             self.nodes.push(node);
         }
     }
