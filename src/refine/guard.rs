@@ -8,7 +8,7 @@ use crate::trace::sample::{Context, Node};
 use crate::trace::{Appearance, Surface, shade};
 
 /// Share of a segment's length that is left out at its far end, where it touches its target.
-const END: f32 = 1e-3;
+pub(super) const END: f32 = 1e-3;
 
 /// Squared contribution of what enters a shaft beyond which nothing brighter is looked for.
 const ENOUGH: f32 = 0.01;

@@ -76,6 +76,8 @@ pub(super) type Clear = [Option<(u32, TargetId)>; 2];
 pub(super) struct Inherited {
     pub deviation: Deviation,
     pub clear: Clear,
+    /// Lights whose shadows are not to be looked for in it if it is lit alike at its corners, a bit each.
+    pub even: u32,
     /// Whether the whole face shows.
     pub whole: bool,
 }
@@ -93,6 +95,8 @@ pub(super) struct State {
     pub guarded: f32,
     /// Its clear shafts.
     pub clear: Clear,
+    /// The same for its halves.
+    pub even: u32,
     /// Longest edge in pixels.
     pub size: f32,
     /// Whether its samples say too little of it, unless its pixels are traced.
@@ -124,7 +128,7 @@ impl Refiner<'_> {
         let states: Vec<(State, Rays)> = faces
             .par_iter()
             .with_min_len(32)
-            .map(|&(face, Inherited { deviation, clear, whole })| {
+            .map(|&(face, Inherited { deviation, clear, even, whole })| {
                 let (pixels, whole) = match whole {
                     true => (self.mesh.area(face), true),
                     false => shown::visible(&self.mesh, self.context.view, self.shown, face),
@@ -136,13 +140,19 @@ impl Refiner<'_> {
                 let corners = self.mesh.faces[face as usize].corners.map(|v| self.corner(v));
                 let shown = size * self.stretch(face);
                 let mut rays = Rays::default();
-                let (guarded, clear) = self.guarded(face, corners, clear, &mut rays);
+                let (entered, clear) = self.guarded(face, corners, clear, &mut rays);
+                let (shadowed, even) = match self.predictor.shaft_guard && predict::curvature(corners) <= FLAT
+                {
+                    true => self.shadows_between(face, size, even, &mut rays),
+                    false => (0.0, even),
+                };
                 let hidden = self.lights_behind(face);
                 let own = self.predictor.face(corners, size, hidden, || self.shadowed(face));
                 let state = State {
                     deviation: own.plus(deviation),
-                    guarded,
+                    guarded: entered + shadowed,
                     clear,
+                    even,
                     pixels,
                     whole,
                     size,
@@ -281,7 +291,7 @@ impl Refiner<'_> {
     }
 
     /// Lights that the face hides itself.
-    fn lights_behind(&self, face: u32) -> u32 {
+    pub(super) fn lights_behind(&self, face: u32) -> u32 {
         let Context { tracer, settings, view, .. } = *self.context;
         shade::lights_behind(tracer.scene(), settings.shadows, view, self.mesh.faces[face as usize].base)
     }

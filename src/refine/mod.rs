@@ -17,6 +17,7 @@ pub mod shape;
 pub mod shown;
 pub mod store;
 pub mod structure;
+mod umbra;
 
 use std::cmp::Ordering;
 use std::collections::BinaryHeap;
@@ -37,8 +38,8 @@ use self::shown::Shown;
 use self::store::SampleStore;
 use crate::options::{EffortOptions, Reconstruction};
 use crate::scene::View;
-use crate::trace::Rays;
 use crate::trace::sample::Context;
+use crate::trace::{Rays, shade};
 
 /// Longest edge, in pixels, at which a face is no longer bisected but its pixels are traced: where time counts, for many
 /// small faces take longer to sample, to judge and to draw than their pixels to trace (docs/speed.md).
@@ -207,8 +208,12 @@ impl<'a> Refiner<'a> {
             refiner.state[face as usize].pixels = dense.pixels(face);
             refiner.trace_pixels_of(face);
         }
-        let others: Vec<(u32, Inherited)> =
-            others.into_iter().map(|face| (face, Inherited::default())).collect();
+        let large = umbra::LARGE_SHARE * refiner.reach();
+        let of_base = |face: u32| {
+            let is_large = refiner.mesh.size(face) >= large;
+            Inherited { even: if is_large { 0 } else { shade::ALL_LIT }, ..Inherited::default() }
+        };
+        let others: Vec<(u32, Inherited)> = others.into_iter().map(|face| (face, of_base(face))).collect();
         refiner.judge(&others);
         refiner.total_pixels = refiner.state.iter().map(|state| f64::from(state.pixels)).sum();
         refiner
@@ -423,8 +428,8 @@ impl<'a> Refiner<'a> {
             splits.par_iter().with_min_len(32).map(|split| self.surprise(split)).collect();
         let mut halves: Vec<(u32, Inherited)> = Vec::with_capacity(2 * splits.len());
         for (split, edge) in splits.iter().zip(edges) {
-            let State { clear, whole, .. } = self.state[split.face as usize];
-            let inherited = Inherited { deviation: edge.scaled(INHERITED), clear, whole };
+            let State { clear, even, whole, .. } = self.state[split.face as usize];
+            let inherited = Inherited { deviation: edge.scaled(INHERITED), clear, even, whole };
             let both = self.mesh.faces[split.face as usize].halves().into_iter().flatten();
             halves.extend(both.map(|half| (half, inherited)));
         }
