@@ -223,7 +223,8 @@ void main() {
         if (traced_radiance(header.z, traced)) sum = (COMPONENTS & COMPONENT_PRIMARY) != 0u ? traced : vec3(0.0);
     }
     if (cut_out) discard;
-    float alpha = HAS_BLENDING && (m.flags & MATERIAL_BLEND) != 0u ? clamp(m.alpha, 0.0, 1.0) : 1.0;
+    // Of specular leaves it tells later passes that nothing was added yet.
+    float alpha = HAS_BLENDING && LEAVES == LEAVES_PLAIN && (m.flags & MATERIAL_BLEND) != 0u ? clamp(m.alpha, 0.0, 1.0) : 1.0;
     if (CODED) alpha = unpackHalf2x16(header.z).x;
     radiance = vec4(clamp(sum, vec3(-MAX_RADIANCE), vec3(MAX_RADIANCE)), alpha);
 }

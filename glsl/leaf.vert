@@ -8,6 +8,7 @@
 #include "features.glsl"
 #include "frame.glsl"
 #include "leaf.glsl"
+#include "leaf_order.glsl"
 #include "material_constants.glsl"
 #include "vertex_fetch.glsl"
 
@@ -43,7 +44,7 @@ vec2 slot_coordinates(uint material, uint slot, vec4 sets) {
 layout(constant_id = 2) const uint LEAVES = LEAVES_ALL;
 
 void main() {
-    Leaf leaf = leaves[gl_VertexIndex / 3];
+    Leaf leaf = leaves[leaf_index()];
     uint corner = gl_VertexIndex % 3;
     uint vertex_index = leaf.vertices[corner];
     if (LEAVES == LEAVES_TRACED) {

@@ -4,6 +4,7 @@
 #extension GL_EXT_scalar_block_layout : require
 #extension GL_GOOGLE_include_directive : require
 #include "frame.glsl"
+#include "leaf_order.glsl"
 
 // Pairs hold the reflected and the transmitted branch.
 struct PaperVertex {
@@ -43,7 +44,7 @@ layout(location = 10) flat out uvec3 textures;
 invariant gl_Position;
 
 void main() {
-    PaperLeaf leaf = leaves[gl_VertexIndex / 3];
+    PaperLeaf leaf = leaves[leaf_index()];
     PaperVertex vertex = vertices[leaf.vertices[gl_VertexIndex % 3]];
     base = vec4(vertex.uv, vertex.alpha, leaf.cutoff);
     primary_textured = vertex.primary_textured;

@@ -156,33 +156,39 @@ fn additive_passes_at_equal_depth() {
     let corners = [left_of(0.0, 0.6), left_of(9.0, 0.3)].concat();
     let triangles = Triangles::new(&gpu, &corners);
     let first = triangles.pipeline(&gpu, desc("first", &[(Format::Rgba16f, Blend::Replace)]));
-    let more = GraphicsDesc { depth: DepthMode::Equal, ..desc("more", &[(Format::Rgba16f, Blend::Add)]) };
-    let more = triangles.pipeline(&gpu, more);
+    let more = |name, blend| {
+        let colors = [(Format::Rgba16f, blend)];
+        triangles.pipeline(&gpu, GraphicsDesc { depth: DepthMode::Equal, ..desc(name, &colors) })
+    };
+    let (second, third) = (more("second", Blend::AddOnce), more("third", Blend::AddOnceMore));
     let color = Image::new(&gpu, &ImageDesc::target("color", Format::Rgba16f, SIZE, SIZE)).unwrap();
     let depth = Image::new(&gpu, &ImageDesc::target("depth", Format::Depth32f, SIZE, SIZE)).unwrap();
-    let mut commands = Commands::new(&gpu, "draw", 2).unwrap();
+    let mut commands = Commands::new(&gpu, "draw", 3).unwrap();
     let mut recording = commands.begin().unwrap();
-    for (name, pipeline, clear) in [("first", &first, true), ("more", &more, false)] {
+    for (name, pipeline, clear) in
+        [("first", &first, true), ("second", &second, false), ("third", &third, false)]
+    {
         let colors = [ColorTarget { image: &color, clear: clear.then_some([0.0; 4]), resolve: None }];
         let depth = Some(DepthTarget { image: &depth, clear });
         recording.timed(name, |recording| {
             recording.render(&Targets { colors: &colors, depth }, |draws| {
-                draws.pipeline(pipeline).set(0, &triangles.set).push(&identity()).draw(0..6);
+                // Twice, as if two faces lay on each other: once counts.
+                draws.pipeline(pipeline).set(0, &triangles.set).push(&identity()).draw(0..6).draw(0..6);
             });
         });
     }
     recording.submit_and_wait().unwrap();
     let timings = commands.timings().unwrap();
-    assert_eq!(timings.iter().map(|timing| timing.name).collect::<Vec<_>>(), ["first", "more"]);
+    assert_eq!(timings.iter().map(|timing| timing.name).collect::<Vec<_>>(), ["first", "second", "third"]);
     let pixels = read::<[f16; 4]>(&gpu, &color);
     let at = |x: usize| pixels[5 * SIZE as usize + x].map(f16::to_f32);
     for (x, face) in [(2, 1.0), (12, 2.0)] {
-        assert!((at(x)[0] - 2.0 * face / 255.0).abs() < 1e-4, "{:?}", at(x));
-        assert_eq!(at(x)[3], 2.0, "alpha is added too");
+        assert!((at(x)[0] - 3.0 * face / 255.0).abs() < 1e-4, "{:?}", at(x));
+        assert_eq!(at(x)[3], 1.0);
     }
     let depths = read::<f32>(&gpu, &depth);
     assert_eq!((depths[2], depths[12]), (0.6, 0.3));
-    drop((triangles, first, more, color, depth, commands));
+    drop((triangles, first, second, third, color, depth, commands));
     gpu.finish();
 }
 

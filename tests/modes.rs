@@ -19,7 +19,7 @@ use vertex_tracing::{
     },
     scene::{
         Camera, Filter, Material, Sampler, Scene, Wrap,
-        demo::{self, Demo, SceneBuilder, matte, shape, texture},
+        demo::{self, Demo, SceneBuilder, chrome, matte, shape, texture},
         light::{Light, LightKind},
     },
 };
@@ -464,5 +464,35 @@ fn a_time_budget_is_kept() {
         missed.push(what);
     }
     assert!(missed.is_empty(), "the budget was never kept, or bought nothing: {missed:?}");
+    gpu.finish();
+}
+
+/// Of faces that lie on one another one is seen, in several passes as in one.
+#[test]
+fn passes_show_one_of_coincident_faces() {
+    let mut builder = SceneBuilder::new("double mirror");
+    let wall = builder.material(Material { emissive: Vec3::new(0.2, 0.3, 0.1), ..matte("wall") });
+    builder.mesh("wall", shape::plane(vec3(3.0, -3.0, 4.0), Vec3::NEG_X * 6.0, Vec3::Y * 6.0, 1.0), wall);
+    let mirror = || shape::plane(vec3(-1.0, -1.0, 0.0), Vec3::X * 2.0, Vec3::Y * 2.0, 1.0);
+    let silver = builder.material(chrome("silver", Vec3::splat(0.9)));
+    let gold = builder.material(chrome("gold", vec3(0.9, 0.6, 0.2)));
+    builder.mesh("silver", mirror(), silver).mesh("gold", mirror(), gold);
+    builder.camera(Camera::look_at(vec3(0.0, 0.0, 3.0), Vec3::ZERO, 0.8));
+    let scene = builder.build().unwrap();
+    let gpu = TestGpu::open();
+    for visibility in [VisibilityWay::IdBuffer, VisibilityWay::SinglePass] {
+        for reconstruction in RECONSTRUCTIONS {
+            let shown = |mode| {
+                let mut options = options(mode, Equation::Three, reconstruction);
+                options.method.visibility = visibility;
+                gpu.render(&scene, &options).image
+            };
+            let (one, several) = (shown(Mode::MultiTexture), shown(Mode::MultiPass));
+            let off =
+                |(a, b): &(&[f32; 3], &[f32; 3])| (Vec3::from(**a) - Vec3::from(**b)).abs().max_element();
+            let most = one.pixels.iter().zip(&several.pixels).map(|pair| off(&pair)).fold(0.0, f32::max);
+            assert!(most < 0.002, "{visibility}, {reconstruction}: up to {most} off");
+        }
+    }
     gpu.finish();
 }

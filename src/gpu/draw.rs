@@ -166,6 +166,14 @@ impl Draws<'_, '_> {
     /// # Panics
     /// Without a pipeline.
     pub fn draw(&mut self, vertices: Range<u32>) -> &mut Self {
+        self.draw_instance(vertices, 0)
+    }
+
+    /// The same as instance number `instance`.
+    ///
+    /// # Panics
+    /// Without a pipeline.
+    pub fn draw_instance(&mut self, vertices: Range<u32>, instance: u32) -> &mut Self {
         self.bound();
         if !vertices.is_empty() {
             // SAFETY: in a render pass with a pipeline bound.
@@ -175,7 +183,7 @@ impl Draws<'_, '_> {
                     vertices.end - vertices.start,
                     1,
                     vertices.start,
-                    0,
+                    instance,
                 );
             }
         }

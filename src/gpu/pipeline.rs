@@ -30,8 +30,10 @@ impl<'a> Shader<'a> {
 pub enum Blend {
     /// It replaces it.
     Replace,
-    /// It is added to it, alpha too.
-    Add,
+    /// It is added to it where the target's alpha is 1, which becomes 0: of several fragments the first alone is.
+    AddOnce,
+    /// The same where that is 0, which becomes the fragment's.
+    AddOnceMore,
     /// It covers it by its alpha.
     Over,
 }
@@ -338,9 +340,17 @@ impl Drop for Stage<'_> {
 }
 
 fn blend(blend: Blend) -> vk::PipelineColorBlendAttachmentState {
+    use vk::BlendFactor as Factor;
     let (source, target) = match blend {
-        Blend::Replace | Blend::Add => (vk::BlendFactor::ONE, vk::BlendFactor::ONE),
-        Blend::Over => (vk::BlendFactor::SRC_ALPHA, vk::BlendFactor::ONE_MINUS_SRC_ALPHA),
+        Blend::Replace => (Factor::ONE, Factor::ONE),
+        Blend::AddOnce => (Factor::DST_ALPHA, Factor::ONE),
+        Blend::AddOnceMore => (Factor::ONE_MINUS_DST_ALPHA, Factor::ONE),
+        Blend::Over => (Factor::SRC_ALPHA, Factor::ONE_MINUS_SRC_ALPHA),
+    };
+    let (source_alpha, target_alpha) = match blend {
+        Blend::AddOnce => (Factor::ZERO, Factor::ZERO),
+        Blend::AddOnceMore => (Factor::ONE, Factor::ZERO),
+        Blend::Replace | Blend::Over => (Factor::ONE, Factor::ONE),
     };
     vk::PipelineColorBlendAttachmentState::default()
         .color_write_mask(vk::ColorComponentFlags::RGBA)
@@ -348,8 +358,8 @@ fn blend(blend: Blend) -> vk::PipelineColorBlendAttachmentState {
         .src_color_blend_factor(source)
         .dst_color_blend_factor(target)
         .color_blend_op(vk::BlendOp::ADD)
-        .src_alpha_blend_factor(vk::BlendFactor::ONE)
-        .dst_alpha_blend_factor(vk::BlendFactor::ONE)
+        .src_alpha_blend_factor(source_alpha)
+        .dst_alpha_blend_factor(target_alpha)
         .alpha_blend_op(vk::BlendOp::ADD)
 }
 

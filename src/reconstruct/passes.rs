@@ -2,6 +2,7 @@
 //! (paper §4.1, §4.2; Eq. 3 and 4).
 
 use std::collections::HashMap;
+use std::ops::Range;
 use std::sync::Arc;
 
 use glam::Vec3;
@@ -270,11 +271,18 @@ impl Painter {
                 target.render(recording, with_base.then(|| options.clear()), |commands| {
                     limit(commands);
                     if let Some(list) = dynamic {
+                        // The first pass shows the last of leaves that lie on one another; of later passes it is the first.
+                        let mut of_leaves: Vec<&LeafDraw> = of_leaves.collect();
+                        if index > 0 {
+                            of_leaves.reverse();
+                        }
                         for draw in of_leaves {
                             let pipeline = &pipelines[&leaf_key(options, pass, index, draw.group)];
                             commands.pipeline(pipeline).set(0, scene_set).set(1, &list.set);
                             commands.set(2, &array_sets[&bound_arrays(draw.group.arrays)]);
-                            commands.draw(3 * draw.leaves.start..3 * draw.leaves.end);
+                            let Range { start, end } = draw.leaves;
+                            commands
+                                .draw_instance(3 * start..3 * end, if index > 0 { start + end } else { 0 });
                         }
                     }
                     if with_base {
@@ -416,7 +424,7 @@ impl Painter {
 
 /// Consecutive leaves of one group.
 struct LeafDraw {
-    leaves: std::ops::Range<u32>,
+    leaves: Range<u32>,
     group: Group,
 }
 

@@ -25,7 +25,8 @@ pub(super) struct PipelineKey {
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
 enum PassBlend {
     First,
-    Later,
+    /// By whether its number is even.
+    Later(bool),
     Coverage,
 }
 
@@ -47,7 +48,7 @@ pub(super) fn leaf_key(options: &PassOptions, pass: ColorPass, index: usize, gro
         leaves: group.kind,
         mixed: group.arrays[2] == MIXED_ARRAYS,
         components: pass.components,
-        blend: if index == 0 { PassBlend::First } else { PassBlend::Later },
+        blend: if index == 0 { PassBlend::First } else { PassBlend::Later(index.is_multiple_of(2)) },
         cull: false,
         mark: if options.single_pass && !group.picture { Mark::Needed } else { Mark::Ignored },
     }
@@ -86,6 +87,7 @@ impl Painter {
             (7, u32::from(self.options.samples > 1)),
             (9, u32::from(key.mixed)),
             (10, u32::from(matches!(key.mark, Mark::Set(_)))),
+            (11, u32::from(matches!(key.blend, PassBlend::Later(_)))),
         ];
         constants.extend(VertexLayout::of(self.options.features).constants());
         let stencil = match key.mark {
@@ -95,7 +97,9 @@ impl Painter {
         };
         let (blend, depth) = match key.blend {
             PassBlend::First => (Blend::Replace, DepthMode::Write),
-            PassBlend::Later => (Blend::Add, DepthMode::Equal),
+            // Of faces that lie on one another one is added: the first leaves of a pass change the alpha that they need.
+            PassBlend::Later(false) => (Blend::AddOnce, DepthMode::Equal),
+            PassBlend::Later(true) => (Blend::AddOnceMore, DepthMode::Equal),
             PassBlend::Coverage => (Blend::Over, DepthMode::Test),
         };
         let (vertex, fragment): (&[u8], &[u8]) = match key.reconstruction {
