@@ -16,6 +16,7 @@ use crate::memory;
 use crate::options::{EffortOptions, FilterMode, Options};
 use crate::pixels::smooth::Smoothing;
 use crate::plan::Plan;
+use crate::reconstruct::between::Between;
 use crate::reconstruct::drawn::Drawn;
 use crate::reconstruct::frame_block::FrameBlock;
 use crate::reconstruct::nodes::Matcher;
@@ -309,11 +310,13 @@ impl<'s> Renderer<'s> {
         let mut stats = self.blank_stats(view);
         let block = FrameBlock::new(self.scene, view);
         let sampled = self.sample(view, &block, started, observer, &mut stats)?;
-        let (leaves, overlay, refined, cost) = match sampled {
-            Some(Sampled { leaves, overlay, refined, cost }) => (Some(leaves), overlay, refined, cost),
-            None => (None, None, Instant::now(), 0),
+        let (leaves, between, overlay, refined, cost) = match sampled {
+            Some(Sampled { leaves, between, overlay, refined, cost }) => {
+                (Some(leaves), between, overlay, refined, cost)
+            }
+            None => (None, None, None, Instant::now(), 0),
         };
-        let mut image = self.reconstruct(&block, leaves, &mut stats)?;
+        let mut image = self.reconstruct(&block, leaves, between, &mut stats)?;
         if self.plan.smooths && !self.warming_up && self.options.show.is_none() {
             image = Some(self.smooth(view, image, &mut stats)?);
         }
@@ -383,6 +386,7 @@ impl<'s> Renderer<'s> {
         &mut self,
         block: &FrameBlock,
         mut leaves: Option<Drawn>,
+        between: Option<Between>,
         stats: &mut Stats,
     ) -> Result<Option<FloatImage>> {
         let painter = &mut self.painted.painter;
@@ -398,7 +402,16 @@ impl<'s> Renderer<'s> {
         stats.left_out.extend(nothing);
         let shaded = self.options.method.ss.samples();
         let shaded = if self.warming_up { shaded.min(WARM_UP_SHADED) } else { shaded };
-        let (drawings, image) = supersample::draw(painter, block, leaves.as_ref(), &passes, shaded)?;
+        if let Some(between) = between.filter(|between| !between.is_empty()) {
+            let plain = painter.draw_plain(block, leaves.as_ref(), &passes)?;
+            painter.upload_between(
+                &between.leaves(self.plan.vertex_layout(), &plain),
+                between.replaces_picture,
+            )?;
+        }
+        let drawn = supersample::draw(painter, block, leaves.as_ref(), &passes, shaded);
+        painter.forget_between();
+        let (drawings, image) = drawn?;
         stats.time_ms.draw = ms(time);
         let pass = |drawing: Drawing| stats::Pass {
             name: drawing.name.into(),

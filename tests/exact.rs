@@ -5,10 +5,10 @@ mod common;
 
 use glam::{Vec2, Vec3, Vec4, vec3};
 use vertex_tracing::{
-    options::{CameraChoice, FilterMode, Msaa, Shadows, VisibilityWay},
+    options::{CameraChoice, FilterMode, Msaa, Shadows, Ss, VisibilityWay},
     report::FloatImage,
     scene::{
-        Camera, Material, View, Volume,
+        AlphaMode, Background, Camera, Material, Scene, View, Volume,
         demo::{Demo, Mesh, SceneBuilder, chrome, glass, matte, shape, texture},
     },
 };
@@ -208,6 +208,98 @@ fn coverage_samples_leave_no_dots_on_slivers() {
     println!("{one:.1} dB with one sample, {four:.1} with four");
     assert!(four > one + 1.0, "{one:.1} dB with one sample, {four:.1} with four");
     gpu.finish();
+}
+
+/// Anti-aliasing looks at more points than pixels' centres: it must not make a picture worse of what only few of these show.
+#[test]
+fn anti_aliasing_loses_nothing() {
+    let gpu = TestGpu::open();
+    let mut worse = Vec::new();
+    for (name, scene, gain) in
+        [("masts", masts(), 0.2), ("stars", stars(), -0.02), ("pearl", pearl(), 3.0), ("veil", veil(), 3.0)]
+    {
+        let shown = |msaa, ss| {
+            let mut options = options(200, 160);
+            (options.method.msaa, options.method.ss) = (msaa, ss);
+            let truth = image(&options, &traced(&scene, &options, 64, None));
+            psnr(&truth, &gpu.render(&scene, &options).image)
+        };
+        let plain = shown(Msaa::One, Ss::One);
+        for (msaa, ss) in [(Msaa::Four, Ss::One), (Msaa::One, Ss::Four)] {
+            let smooth = shown(msaa, ss);
+            println!("{name}: {plain:.2} dB, {smooth:.2} with --msaa {msaa} --ss {ss}");
+            if smooth < plain + gain {
+                worse.push((name, msaa, ss));
+            }
+        }
+    }
+    gpu.finish();
+    assert!(worse.is_empty(), "{worse:?}");
+}
+
+/// Masts a few pixels wide, of faces far narrower than one, on a floor that glows.
+fn masts() -> Scene {
+    let mut builder = SceneBuilder::new("masts");
+    let glow = builder.material(Material { emissive: vec3(0.8, 0.5, 0.2), ..matte("glow") });
+    builder.mesh("floor", shape::plane(vec3(-3.0, 0.0, 3.0), Vec3::X * 6.0, Vec3::NEG_Z * 6.0, 1.0), glow);
+    let silver = builder.material(chrome("silver", Vec3::splat(0.95)));
+    let sizes = [(0.02, 200), (0.035, 150), (0.05, 200), (0.03, 150), (0.06, 200), (0.015, 150)];
+    for (i, (radius, segments)) in (0..).zip(sizes) {
+        let place = vec3(0.4 * i as f32 - 1.0, 0.0, -0.2 * i as f32);
+        builder.mesh("mast", mast(radius, 2.2, segments).translated(place), silver);
+    }
+    builder.point_light(vec3(1.0, 2.6, 1.0), Vec3::splat(40.0));
+    builder.camera(Camera::look_at(vec3(0.0, 1.2, 3.5), vec3(0.0, 1.0, 0.0), 0.8));
+    builder.build().unwrap()
+}
+
+/// Lights smaller than a pixel in a mirror that is drawn from samples around them.
+fn stars() -> Scene {
+    let mut builder = SceneBuilder::new("stars");
+    let glow = builder.material(Material { emissive: Vec3::splat(8.0), ..matte("glow") });
+    let mut state = 1_u32;
+    let mut random = move || {
+        state = state.wrapping_mul(1_664_525).wrapping_add(1_013_904_223);
+        (state >> 8) as f32 / (1 << 24) as f32
+    };
+    let mut sky = Mesh::default();
+    for _ in 0..60 {
+        let corner = vec3(4.0 * random() - 2.0, 2.0 * random() + 0.3, 5.0);
+        sky = sky.merged(&shape::plane(corner, Vec3::NEG_X * 0.025, Vec3::Y * 0.025, 1.0));
+    }
+    builder.mesh("stars", sky, glow);
+    let silver = builder.material(chrome("silver", Vec3::splat(0.95)));
+    builder.mesh("mirror", shape::plane(vec3(-2.0, 0.0, -1.0), Vec3::X * 4.0, Vec3::Y * 2.5, 1.0), silver);
+    builder.camera(Camera::look_at(vec3(0.0, 1.2, 3.0), vec3(0.0, 1.2, 0.0), 0.8));
+    builder.build().unwrap()
+}
+
+/// A ball of faces of a few pixels, whose pixels are all traced, before a bright sky.
+fn pearl() -> Scene {
+    let mut builder = SceneBuilder::new("pearl");
+    let silver = builder.material(chrome("silver", Vec3::new(0.3, 0.2, 0.1)));
+    builder.mesh("pearl", shape::sphere(Vec3::Y, 0.8, 4), silver);
+    builder.background(Background::Color(Vec3::splat(0.8)));
+    builder.camera(Camera::look_at(vec3(0.0, 1.0, 3.5), vec3(0.0, 1.0, 0.0), 0.8));
+    builder.build().unwrap()
+}
+
+/// A slanted pane that light passes in part, before a bright sky and beside a mirror.
+fn veil() -> Scene {
+    let mut builder = SceneBuilder::new("veil");
+    let pane = Material { base_color: Vec4::new(0.05, 0.1, 0.02, 0.8), unlit: true, ..matte("pane") };
+    let pane = Material { alpha_mode: AlphaMode::Blend, double_sided: true, ..pane };
+    let pane = builder.material(pane);
+    let (right, up) = (vec3(1.2, 0.3, 0.0), vec3(-0.3, 1.2, 0.0));
+    for shift in [0.0, 0.3] {
+        let corner = vec3(-0.5, 0.2 + shift, shift);
+        builder.mesh("pane", shape::plane(corner, right, up, 1.0), pane);
+    }
+    let silver = builder.material(chrome("silver", Vec3::splat(0.95)));
+    builder.mesh("mirror", shape::plane(vec3(-1.5, 0.0, -1.0), Vec3::X * 0.7, Vec3::Y * 2.0, 1.0), silver);
+    builder.background(Background::Color(Vec3::splat(0.8)));
+    builder.camera(Camera::look_at(vec3(0.0, 1.0, 3.5), vec3(0.0, 1.0, 0.0), 0.8));
+    builder.build().unwrap()
 }
 
 /// A room of 6 by 3 by 6 with chequered walls and a light near its ceiling.

@@ -14,6 +14,7 @@ use crate::options::{Options, Reconstruction, Show};
 use crate::pixels::direct::Direct;
 use crate::pixels::leaves::TracedPixel;
 use crate::pixels::picture::{Picture, Subject};
+use crate::reconstruct::between::{Between, Search};
 use crate::reconstruct::drawn::Drawn;
 use crate::reconstruct::leaves;
 use crate::reconstruct::nodes::{Corner, Matcher};
@@ -30,7 +31,7 @@ use crate::scene::View;
 use crate::scene::topology::Topology;
 use crate::trace::sample::Context;
 use crate::trace::{Rays, Settings};
-use crate::visibility::Found;
+use crate::visibility::{Found, IdImage};
 
 /// Nodes that a leaf of a preview owns at most: of so few samples more of them change next to nothing, and take half as long
 /// again to draw.
@@ -63,6 +64,8 @@ pub(super) struct Job<'a> {
 /// What sampling a frame gives.
 pub(super) struct Sampled {
     pub leaves: Drawn,
+    /// What only several samples a pixel show.
+    pub between: Option<Between>,
     /// The picture of [`Options::show`].
     pub overlay: Option<Overlay>,
     /// When refinement ended.
@@ -133,7 +136,24 @@ impl Job<'_> {
         stats.time_ms.trace = trace_ms + ms(time);
 
         let time = Instant::now();
-        let leaves = self.assemble(&refiner, pixels, &picture, options.effort.preview);
+        let is_smooth = exact && options.method.has_sub_samples();
+        let seen = is_smooth.then_some(visible.ids);
+        let mut leaves = self.assemble(&refiner, pixels, &picture, options.effort.preview, seen);
+        let between = is_smooth.then(|| {
+            let Subject { direct, veils } = &subject;
+            let classes = &traced.classes;
+            let search = Search {
+                scene,
+                view,
+                classes,
+                found: visible,
+                mesh: &refiner.mesh,
+                direct,
+                veils,
+                picture: &picture,
+            };
+            Between::find(&search, leaves.take_rest())
+        });
         stats.time_ms.refine = refine_ms - trace_ms + ms(time);
 
         note_refined(stats, &refiner, stopped_by);
@@ -142,7 +162,7 @@ impl Job<'_> {
         let kinds = leaves.kinds().map(u64::from);
         [stats.faces.defined, stats.faces.undefined, stats.faces.traced] = kinds;
         let overlay = options.show.map(|show| self.overlay(show, traced, &context, shown, &refiner));
-        Ok(Sampled { leaves, overlay, refined, cost: refiner.cost() })
+        Ok(Sampled { leaves, between, overlay, refined, cost: refiner.cost() })
     }
 
     /// The unrefined mesh: visible faces and those around them, but for what is traced beside it.
@@ -163,6 +183,7 @@ impl Job<'_> {
         pixels: Vec<TracedPixel>,
         picture: &Picture,
         preview: bool,
+        smooth: Option<Option<IdImage>>,
     ) -> Drawn {
         let Refiner { mesh, samples, pixel_faces, .. } = refiner;
         let Matcher { scene, targets, base_textures, .. } = self.matcher;
@@ -171,7 +192,13 @@ impl Job<'_> {
                 let Self { matcher, layout, view, .. } = *self;
                 let room = matcher.room.min(if preview { PREVIEW_NODES } else { usize::MAX });
                 let matcher = Matcher { room, ..*matcher };
-                let traced = leaves::Traced { pixels, faces: pixel_faces, picture };
+                let traced = leaves::Traced {
+                    pixels,
+                    faces: pixel_faces,
+                    picture,
+                    ids: smooth.flatten(),
+                    is_smooth: smooth.is_some(),
+                };
                 Drawn::Exact(leaves::assemble(&matcher, layout, view, mesh, samples, traced))
             }
             Reconstruction::Paper => {

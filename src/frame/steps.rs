@@ -77,7 +77,7 @@ impl<'a, 'o> Steps<'a, 'o> {
         if self.store.is_some() {
             self.kept_rays += rays;
         }
-        let mut leaves = self.job.assemble(refiner, pixels, self.picture, refiner.steps == 0);
+        let mut leaves = self.job.assemble(refiner, pixels, self.picture, refiner.steps == 0, None);
         if let Some(observer) = &mut self.observer {
             observer(&mut leaves, refiner, rays + self.picture.rays + refiner.border_rays)?;
         }

@@ -94,6 +94,13 @@ pub struct MethodOptions {
 /// Most nodes that a leaf may own.
 pub const MAX_NODES: u32 = 32;
 
+impl MethodOptions {
+    /// Whether a pixel has several samples that are drawn.
+    pub fn has_sub_samples(&self) -> bool {
+        self.msaa != Msaa::One || self.ss != Ss::One
+    }
+}
+
 impl Default for MethodOptions {
     fn default() -> Self {
         Self {

@@ -11,7 +11,7 @@ use super::picture::{self, PicturePixel};
 use super::point_on;
 use super::store::PixelStore;
 use crate::error::{Error, Result};
-use crate::options::{Msaa, Options, Ss};
+use crate::options::Options;
 use crate::scene::{Scene, View};
 use crate::trace::Rays;
 use crate::trace::cone::Filtering;
@@ -68,7 +68,7 @@ impl Direct {
             Some(_) => SPARING,
             None => (view.pixels() / PIXELS_A_FACE).max(MANY),
         };
-        let all = method.msaa == Msaa::One && method.ss == Ss::One;
+        let all = !method.has_sub_samples();
         let counts = &found.faces.pixels_per_face;
         let is_small =
             |&&face: &&u32| (1..FEW_PIXELS).contains(&counts[face as usize]) && (all || scene.is_vt(face));

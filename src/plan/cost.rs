@@ -4,7 +4,7 @@ use serde::Serialize;
 
 use super::Plan;
 use crate::constants::{MATERIAL_TEXELS, TARGET_TEXELS};
-use crate::options::{Options, Ss, VisibilityWay};
+use crate::options::{Options, Reconstruction, Ss, VisibilityWay};
 use crate::reconstruct::leaves::GpuLeaf;
 use crate::reconstruct::{
     bank, base,
@@ -74,14 +74,24 @@ impl Plan {
             halvings: 0,
             samples: options.method.msaa.samples(),
             depth: passes::depth_format(single_pass),
+            is_plain: false,
         };
         let halved = if options.method.ss == Ss::One { None } else { target.halved() };
+
+        let method = &options.method;
+        let anti_aliases = method.has_sub_samples() && method.reconstruction == Reconstruction::Exact;
+        let plain = TargetDesc { samples: 1, is_plain: true, ..target };
 
         let mut resources = vec![
             Resource {
                 what: "image, its depth and its way to the host",
                 bytes: halved.unwrap_or(target).bytes(),
                 objects: &["color", "mean color", "multisampled color", "depth", "image staging"],
+            },
+            Resource {
+                what: "plain picture, if some faces lie between pixels' centres",
+                bytes: if self.traces() && anti_aliases { plain.bytes() } else { 0 },
+                objects: &[],
             },
             Resource { what: "textures", bytes: textures, objects: &[bank::TEXTURES] },
             Resource { what: "panorama", bytes: panorama, objects: &[] },

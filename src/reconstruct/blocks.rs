@@ -1,6 +1,7 @@
 //! Traced pixels as the device reads them: a small rectangle of radiances for each leaf that they cover.
 
 use std::ops::Range;
+use std::sync::LazyLock;
 
 use rustc_hash::FxHashMap;
 
@@ -9,16 +10,52 @@ use crate::pixels::HalfRadiance;
 use crate::pixels::leaves::TracedPixel;
 use crate::refine::footprint::{Footprint, TOUCHED};
 use crate::refine::mesh::Mesh;
-use crate::scene::View;
+use crate::scene::{Scene, View};
+use crate::visibility::IdImage;
 
 /// No traced pixel.
 const NONE: u32 = u32::MAX;
 
+/// Cosine of the angle within which two faces have some normals in common where one continues the other.
+const SAME: f32 = 0.99;
+
+/// What the pixels of blocks are taken from.
+#[derive(Clone, Copy)]
+pub struct Pixels<'a> {
+    /// Traced ones, those of one leaf together.
+    pub traced: &'a [TracedPixel],
+    /// Which face every pixel shows, if that was read back.
+    pub ids: Option<IdImage<'a>>,
+}
+
+/// By pixel of a rectangle: the pixel of the plain picture, of one sample a pixel, whose colour it gets, or [`UNTOUCHED`].
+#[derive(Debug, Clone)]
+pub struct Sources {
+    /// Columns of the rectangle.
+    pub columns: Range<u32>,
+    /// Its rows.
+    pub rows: Range<u32>,
+    /// Row by row.
+    pub pixels: Vec<u32>,
+}
+
+/// A cell that gets no colour.
+pub const UNTOUCHED: u32 = u32::MAX;
+
+/// Where a cell of a leaf's block gets its colour from.
+enum Cell {
+    Traced(HalfRadiance),
+    /// From the plain picture.
+    Plain(u32),
+}
+
 /// Traced pixels, and where they are.
 pub struct Blocks<'a> {
+    scene: &'a Scene,
     view: &'a View,
     mesh: &'a Mesh,
     traced: &'a [TracedPixel],
+    ids: Option<IdImage<'a>>,
     /// The rectangle around them: columns, then rows.
     around: [Range<u32>; 2],
     /// By pixel of it: place in `traced`, or [`NONE`].
@@ -29,6 +66,13 @@ pub struct Blocks<'a> {
 
 /// The pixels around a pixel, the nearest first; of equally near ones, row by row.
 const AROUND: [(i32, i32); 8] = [(0, -1), (-1, 0), (1, 0), (0, 1), (-1, -1), (1, -1), (-1, 1), (1, 1)];
+
+/// A pixel and those at most three columns and rows from it, the nearest first.
+static NEAR: LazyLock<Vec<(i32, i32)>> = LazyLock::new(|| {
+    let mut near: Vec<(i32, i32)> = (-3..=3).flat_map(|y| (-3..=3).map(move |x| (x, y))).collect();
+    near.sort_by_key(|&(x, y)| x * x + y * y);
+    near
+});
 
 /// A leaf that is traced.
 struct Leaf<'a> {
@@ -41,8 +85,9 @@ struct Leaf<'a> {
 }
 
 impl<'a> Blocks<'a> {
-    /// Blocks of leaves of `mesh` whose pixels are `traced`, those of one leaf together.
-    pub fn new(view: &'a View, mesh: &'a Mesh, traced: &'a [TracedPixel]) -> Self {
+    /// Blocks of leaves of `mesh`.
+    pub fn new(scene: &'a Scene, view: &'a View, mesh: &'a Mesh, pixels: Pixels<'a>) -> Self {
+        let Pixels { traced, ids } = pixels;
         let around = around(view, traced.iter().map(|pixel| pixel.index)).unwrap_or_default();
         let by_pixel = vec![NONE; around[0].len() * around[1].len()];
         let mut by_face = FxHashMap::default();
@@ -51,7 +96,7 @@ impl<'a> Blocks<'a> {
             by_face.insert(pixels[0].face, start..start + pixels.len());
             start += pixels.len();
         }
-        let mut blocks = Self { view, mesh, traced, around, by_pixel, by_face };
+        let mut blocks = Self { scene, view, mesh, traced, ids, around, by_pixel, by_face };
         for (pixel, number) in traced.iter().zip(0..) {
             let (x, y) = (pixel.index % view.width, pixel.index / view.width);
             let cell = blocks.cell(x, y).expect("the rectangle is around all");
@@ -68,12 +113,56 @@ impl<'a> Blocks<'a> {
     /// neighbour on the same face of the scene serves for itself: where its centre lies on their edge, the device may give
     /// it to either.
     pub fn append(&self, face: u32, texels: &mut Vec<Texel>) -> Option<()> {
-        let leaf = Leaf {
+        self.append_cells(&self.leaf(face), texels, |leaf, x, y| {
+            self.shown(leaf, x, y).map(|pixel| Some(pixel.radiance))
+        })
+    }
+
+    /// The same for several samples a pixel: what only some of them show gets colours that pixels' centres have, too. Which
+    /// these are where they were not traced is the second value; the first, whether the block has any colour.
+    pub fn append_smooth(&self, face: u32, texels: &mut Vec<Texel>) -> (bool, Option<Sources>) {
+        let leaf = self.leaf(face);
+        let mut rest: Option<Sources> = None;
+        let Footprint { columns, rows, .. } = leaf.footprint.clone();
+        let appended = self.append_cells(&leaf, texels, |leaf, x, y| match self.cell_of(leaf, x, y) {
+            Cell::Traced(radiance) => Some(Some(radiance)),
+            Cell::Plain(pixel) => {
+                let rest = rest.get_or_insert_with(|| Sources {
+                    pixels: vec![UNTOUCHED; columns.len() * rows.len()],
+                    columns: columns.clone(),
+                    rows: rows.clone(),
+                });
+                let cell = (y - rows.start) as usize * columns.len() + (x - columns.start) as usize;
+                rest.pixels[cell] = pixel;
+                Some(None)
+            }
+        });
+        (appended.is_some(), rest)
+    }
+
+    /// Whether no pixel's centre shows leaf `face`; false where it is not known what they show.
+    pub fn owns_no_pixel(&self, face: u32) -> bool {
+        let Some(ids) = self.ids else { return false };
+        let base = Some(self.mesh.faces[face as usize].base);
+        let footprint = Footprint::new(self.mesh, self.view, face);
+        !footprint.rows.clone().any(|y| footprint.span(y, 0.0).any(|x| ids.face(x, y) == base))
+    }
+
+    fn leaf(&self, face: u32) -> Leaf<'_> {
+        Leaf {
             face,
             base: self.mesh.faces[face as usize].base,
             footprint: Footprint::new(self.mesh, self.view, face),
             own: self.by_face.get(&face).map_or(&[], |range| &self.traced[range.clone()]),
-        };
+        }
+    }
+
+    fn append_cells<'s>(
+        &'s self,
+        leaf: &Leaf<'s>,
+        texels: &mut Vec<Texel>,
+        mut color: impl FnMut(&Leaf<'s>, u32, u32) -> Option<Option<HalfRadiance>>,
+    ) -> Option<()> {
         let Footprint { columns, rows, .. } = &leaf.footprint;
         let head = texels.len();
         texels.push([columns.start, rows.start, columns.len() as u32, rows.len() as u32]);
@@ -84,7 +173,8 @@ impl<'a> Blocks<'a> {
             leaf.footprint.span(y, TOUCHED).map(cell)
         });
         let filled = touched.try_fold(0, |filled, (cell, x, y)| {
-            put(&mut texels[start..], cell, self.shown(&leaf, x, y)?.radiance);
+            let Some(radiance) = color(leaf, x, y)? else { return Some(filled) };
+            put(&mut texels[start..], cell, radiance);
             Some(filled + 1)
         });
         if filled.is_none_or(|filled| filled == 0) {
@@ -103,6 +193,47 @@ impl<'a> Blocks<'a> {
 
     fn at(&self, x: u32, y: u32) -> Option<&TracedPixel> {
         self.traced.get(self.by_pixel[self.cell(x, y)?] as usize)
+    }
+
+    /// What several samples of a pixel show of `leaf`. Where the surface continues to what is seen at the centre that has the
+    /// whole pixel's colour, as without them: a colour from beside it would be spread.
+    fn cell_of(&self, leaf: &Leaf, x: u32, y: u32) -> Cell {
+        let traced = self.at(x, y);
+        let seen = self.ids.and_then(|ids| ids.face(x, y));
+        if let Some(base) = traced.map(|pixel| self.mesh.faces[pixel.face as usize].base).or(seen)
+            && self.continues(leaf.base, base)
+        {
+            return traced.map_or(Cell::Plain(y * self.view.width + x), |pixel| Cell::Traced(pixel.radiance));
+        }
+        // Farther than beside it a narrow leaf shows something else.
+        let mut beside = AROUND
+            .iter()
+            .filter_map(|&(dx, dy)| self.at(x.wrapping_add_signed(dx), y.wrapping_add_signed(dy)));
+        if let Some(pixel) = beside.find(|pixel| pixel.face == leaf.face) {
+            return Cell::Traced(pixel.radiance);
+        }
+        let objects = &self.scene.geometry.face_objects;
+        let shows = |x: u32, y: u32| {
+            let face = self.ids.and_then(|ids| ids.face(x, y));
+            face.is_some_and(|face| objects[face as usize] == objects[leaf.base as usize])
+        };
+        let (x, y) = nearest(self.view, (x, y), shows).unwrap_or((x, y));
+        Cell::Plain(y * self.view.width + x)
+    }
+
+    /// Whether two faces of the scene are parts of one smooth surface, as far as their normals tell.
+    fn continues(&self, one: u32, other: u32) -> bool {
+        let geometry = &self.scene.geometry;
+        if one == other {
+            return true;
+        }
+        if geometry.face_objects[one as usize] != geometry.face_objects[other as usize] {
+            return false;
+        }
+        let normals = |face: u32| geometry.faces[face as usize].map(|v| geometry.normals[v as usize]);
+        normals(one).iter().any(|a| {
+            normals(other).iter().any(|b| a.dot(*b) > SAME * (a.length_squared() * b.length_squared()).sqrt())
+        })
     }
 
     /// The traced pixel that `leaf` shows at a pixel.
@@ -128,6 +259,12 @@ impl<'a> Blocks<'a> {
         let any = || rows.clone().find_map(|y| columns.clone().find_map(|x| self.at(x, y)));
         beside.or_else(nearest).or_else(any)
     }
+}
+
+/// The pixel of a frame nearest to (`x`, `y`) that `shows` something, if one near does.
+pub fn nearest(view: &View, (x, y): (u32, u32), shows: impl Fn(u32, u32) -> bool) -> Option<(u32, u32)> {
+    let around = NEAR.iter().map(|&(dx, dy)| (x.wrapping_add_signed(dx), y.wrapping_add_signed(dy)));
+    around.into_iter().find(|&(x, y)| x < view.width && y < view.height && shows(x, y))
 }
 
 /// The rectangle around pixels: columns, then rows; `None` without any.

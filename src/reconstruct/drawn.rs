@@ -2,6 +2,9 @@
 
 use std::mem;
 
+use glam::Vec3;
+
+use super::blocks::Sources;
 use super::leaves::{Group, Leaves};
 use super::paper::PaperLeaves;
 
@@ -67,6 +70,14 @@ impl Drawn {
     /// Whether all that is blended is among them.
     pub fn veiled(&self) -> bool {
         matches!(self, Self::Exact(Leaves { veiled: true, .. }))
+    }
+
+    /// Takes what of them gets colours of the plain picture: see [`Leaves::rest`].
+    pub fn take_rest(&mut self) -> Vec<([Vec3; 3], Sources)> {
+        match self {
+            Self::Exact(leaves) => mem::take(&mut leaves.rest),
+            Self::Paper(_) => Vec::new(),
+        }
     }
 
     /// Whether nothing is drawn.

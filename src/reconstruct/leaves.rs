@@ -7,7 +7,7 @@ use glam::Vec3;
 use rayon::prelude::*;
 
 use super::beside::Borders;
-use super::blocks::Blocks;
+use super::blocks::{Blocks, Pixels, Sources};
 use super::nodes::{Corner, LeafNodes, Matcher};
 use super::picture::Quad;
 use super::table::{Texel, floats};
@@ -20,6 +20,7 @@ use crate::refine::samples::Samples;
 use crate::scene::frustum::{Frustum, Overlap};
 use crate::scene::{AlphaMode, View};
 use crate::trace::shade;
+use crate::visibility::IdImage;
 
 /// A leaf: glsl/leaf.glsl `Leaf`.
 #[repr(C)]
@@ -52,13 +53,16 @@ pub struct Group {
     /// Whether the frustum may clip them: they are drawn apart, a few at a time (see
     /// [`clusters`](crate::visibility::clusters)).
     pub cut: bool,
-    /// Whether it is the picture of pixels that are traced beside the mesh, which any face may lie behind.
+    /// Whether it is the picture of pixels that are traced beside the mesh, or of its kind: any face may lie behind.
     pub picture: bool,
 }
 
 impl Group {
     /// The group of that picture.
     const PICTURE: Self = Self { kind: LEAVES_TRACED, arrays: [0; 3], cut: true, picture: true };
+
+    /// That of faces [between](super::between) the centres of pixels.
+    pub(super) const BETWEEN: Self = Self { kind: LEAVES_TRACED, arrays: [0; 3], cut: false, picture: true };
 
     /// The group of leaves that traced pixels cover.
     fn traced(cut: bool) -> Self {
@@ -106,6 +110,8 @@ pub struct Leaves {
     pub combined: [bool; 2],
     /// Whether all that is blended is among the traced pixels.
     pub veiled: bool,
+    /// With several samples a pixel: corners of traced leaves, parts of which get colours of the plain picture.
+    pub rest: Vec<([Vec3; 3], Sources)>,
 }
 
 impl Leaves {
@@ -132,6 +138,10 @@ pub struct Traced<'a> {
     pub faces: &'a [u32],
     /// Those beside the mesh.
     pub picture: &'a Picture,
+    /// Which face every pixel shows, if that was read back.
+    pub ids: Option<IdImage<'a>>,
+    /// Whether a pixel has several samples that are drawn, and what is [between](super::between) pixels' centres is, too.
+    pub is_smooth: bool,
 }
 
 /// Assembles the leaves of `mesh` with vertices of `layout`, in parallel and in an order that depends on the mesh alone,
@@ -144,7 +154,7 @@ pub fn assemble(
     samples: &Samples,
     traced: Traced,
 ) -> Leaves {
-    let Traced { pixels, faces: pixel_faces, picture } = traced;
+    let Traced { pixels, faces: pixel_faces, picture, ids, is_smooth } = traced;
     let quad = Quad::new(view, picture);
     let corners = quad.as_ref().map_or(&[][..], |quad| &quad.corners);
     let count = mesh.vertices.len();
@@ -167,7 +177,8 @@ pub fn assemble(
         samples,
         borders: Borders::find(matcher.targets, mesh, samples, &faces),
         frustum: Frustum::new(&view.clip_from_eye_relative(), view.eye),
-        blocks: Blocks::new(view, mesh, &pixels),
+        blocks: Blocks::new(matcher.scene, view, mesh, Pixels { traced: &pixels, ids }),
+        is_smooth,
     };
     let pieces: Vec<Piece> = faces
         .par_chunks(CHUNK)
@@ -204,6 +215,7 @@ pub fn assemble(
         result.undefined += piece.undefined;
         result.traced += piece.traced;
         result.overflow += piece.overflow;
+        result.rest.extend(piece.rest);
         result.combined = [0, 1].map(|branch| result.combined[branch] || piece.combined[branch]);
     }
     result.groups = groups.iter().map(|(&group, leaves)| (group, leaves.len() as u32)).collect();
@@ -224,6 +236,7 @@ struct Piece {
     traced: u32,
     overflow: u64,
     combined: [bool; 2],
+    rest: Vec<([Vec3; 3], Sources)>,
 }
 
 /// What assembling a leaf takes.
@@ -235,6 +248,7 @@ struct Stage<'a> {
     borders: Borders,
     frustum: Frustum,
     blocks: Blocks<'a>,
+    is_smooth: bool,
 }
 
 impl Stage<'_> {
@@ -260,7 +274,13 @@ impl Stage<'_> {
         let cut = self.frustum.of_points(corners.map(|v| mesh.position(v))) != Overlap::Inside;
         // Holes are cut by shading, whatever was traced.
         let masked = matches!(scene.materials[object.material as usize].alpha_mode, AlphaMode::Mask(_));
-        let has_block = is_traced && !masked && self.blocks.append(face, &mut piece.texels).is_some();
+        let is_smooth = self.is_smooth && !masked;
+        if is_traced && is_smooth && self.append_smooth(face, leaf, cut, piece) {
+            piece.traced += u32::from(object.vt);
+            return;
+        }
+        let has_block =
+            is_traced && !masked && !is_smooth && self.blocks.append(face, &mut piece.texels).is_some();
         let (group, defined) = if has_block {
             leaf.flags = LEAF_TRACED;
             (Group::traced(cut), false)
@@ -274,6 +294,16 @@ impl Stage<'_> {
                 if let Some((target, lit)) = nodes.first {
                     (leaf.first_target, leaf.first_lit) = (target, lit);
                 }
+            }
+            // Nobody refined what owns no pixel.
+            if is_smooth
+                && object.vt
+                && !(is_traced || nodes.defined)
+                && self.blocks.owns_no_pixel(face)
+                && self.append_smooth(face, GpuLeaf { first_target: NO_TARGET, flags: 0, ..leaf }, cut, piece)
+            {
+                piece.undefined += 1;
+                return;
             }
             let shows = |branch: usize| nodes.comb.iter().any(|corner| corner[branch] != Vec3::ZERO);
             let combined = [shows(0), shows(1)];
@@ -301,5 +331,17 @@ impl Stage<'_> {
             };
             *count += 1;
         }
+    }
+
+    /// Appends a leaf in the colours that several samples of a pixel show of it: false, and nothing, if there are none.
+    fn append_smooth(&self, face: u32, leaf: GpuLeaf, cut: bool, piece: &mut Piece) -> bool {
+        let (has_color, rest) = self.blocks.append_smooth(face, &mut piece.texels);
+        let has_rest = rest.is_some();
+        let corners = leaf.vertices.map(|vertex| self.mesh.position(vertex));
+        piece.rest.extend(rest.map(|rest| (corners, rest)));
+        if has_color {
+            piece.leaves.push((Group::traced(cut), GpuLeaf { flags: LEAF_TRACED, ..leaf }));
+        }
+        has_color || has_rest
     }
 }

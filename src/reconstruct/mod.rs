@@ -3,6 +3,7 @@
 pub mod bank;
 pub mod base;
 pub mod beside;
+pub mod between;
 mod blocks;
 pub mod drawn;
 pub mod frame_block;

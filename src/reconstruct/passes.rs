@@ -8,6 +8,7 @@ use std::sync::Arc;
 use glam::Vec3;
 
 use super::bank::Bank;
+use super::between::BetweenLeaves;
 use super::drawn::Drawn;
 use super::frame_block::FrameBlock;
 use super::leaves::Group;
@@ -85,10 +86,18 @@ pub struct Painter {
     dynamic: Option<LeafList>,
     pipelines: HashMap<PipelineKey, GraphicsPipeline>,
     depth_reset: Option<GraphicsPipeline>,
-    panorama: Option<GraphicsPipeline>,
+    /// By coverage samples a pixel.
+    panoramas: HashMap<u32, GraphicsPipeline>,
     /// What [`draw_base`](Self::draw_base) was drawn for, if nothing was drawn upon it yet.
     fresh_base: Option<FrameBlock>,
     target: Option<Target>,
+    /// That of the plain picture.
+    plain_target: Option<Target>,
+    /// Whether it is drawn now.
+    is_plain: bool,
+    /// Coverage samples a pixel of what is drawn now.
+    samples: u32,
+    between: Option<Between>,
     touch_only: bool,
     /// Of pictures that are read while the next is drawn.
     ring: Option<PictureRing>,
@@ -141,6 +150,7 @@ impl Painter {
         let depth_reset = options.single_pass.then(|| base_image::depth_reset(gpu)).transpose()?;
         let mut painter = Self {
             gpu: gpu.clone(),
+            samples: options.samples,
             options,
             bank,
             commands: Commands::new(gpu, "frame", 16)?,
@@ -154,13 +164,16 @@ impl Painter {
             dynamic: None,
             pipelines: HashMap::new(),
             depth_reset,
-            panorama: None,
+            panoramas: HashMap::new(),
             fresh_base: None,
             target: None,
+            plain_target: None,
+            is_plain: false,
+            between: None,
             touch_only: false,
             ring: None,
         };
-        painter.panorama = painter.panorama()?;
+        painter.make_panorama()?;
         Ok(painter)
     }
 
@@ -189,6 +202,63 @@ impl Painter {
         self.uploads.flush()
     }
 
+    /// Hands over what only several samples a pixel show, for the draws until it is [forgotten](Self::forget_between); whether
+    /// it takes the place of the picture of pixels beside the mesh.
+    ///
+    /// # Errors
+    /// No device memory left; a lost device.
+    pub fn upload_between(&mut self, leaves: &BetweenLeaves, replaces_picture: bool) -> Result<()> {
+        let parts: [&[u8]; 3] = [
+            bytemuck::cast_slice(&leaves.vertices),
+            bytemuck::cast_slice(&leaves.leaves),
+            bytemuck::cast_slice(&leaves.texels),
+        ];
+        let bytes = parts.map(|part| part.len() as u64);
+        let list = match self.between.take().map(|between| between.list).filter(|list| list.fits(bytes)) {
+            Some(list) => list,
+            None => LeafList::new(&self.gpu, &self.layouts[1], ("between", true), bytes)?,
+        };
+        let mut write = list.writer(&mut self.uploads);
+        (0..).zip(parts).try_for_each(|(buffer, part)| write(buffer, part))?;
+        drop(write);
+        self.uploads.flush()?;
+        self.between = Some(Between {
+            list,
+            inside: leaves.inside,
+            count: leaves.leaves.len() as u32,
+            replaces_picture,
+        });
+        Ok(())
+    }
+
+    /// Draws without it again.
+    pub fn forget_between(&mut self) {
+        if let Some(between) = &mut self.between {
+            (between.inside, between.count, between.replaces_picture) = (0, 0, false);
+        }
+    }
+
+    /// Draws the plain picture of the frame, of one sample a pixel, and reads it.
+    ///
+    /// # Errors
+    /// No device memory left; a lost device.
+    pub fn draw_plain(
+        &mut self,
+        block: &FrameBlock,
+        leaves: Option<&Drawn>,
+        passes: &[ColorPass],
+    ) -> Result<FloatImage> {
+        std::mem::swap(&mut self.target, &mut self.plain_target);
+        let samples = std::mem::replace(&mut self.samples, 1);
+        self.is_plain = true;
+        self.fresh_base = None;
+        let image = self.draw(block, leaves, passes).and_then(|_| self.read_image());
+        self.samples = samples;
+        self.is_plain = false;
+        std::mem::swap(&mut self.target, &mut self.plain_target);
+        image
+    }
+
     /// Lets draws touch a single pixel until this is taken back: what they need is compiled, next to nothing drawn.
     pub fn touch_only(&mut self, touch: bool) {
         self.touch_only = touch;
@@ -207,7 +277,11 @@ impl Painter {
         passes: &[ColorPass],
     ) -> Result<Vec<Drawing>> {
         self.make_target(block)?;
-        let draws = leaves.map_or(Vec::new(), leaf_draws);
+        self.make_panorama()?;
+        let mut draws = leaves.map_or(Vec::new(), leaf_draws);
+        if self.between.as_ref().is_some_and(|between| between.replaces_picture) {
+            draws.retain(|draw| !draw.group.picture);
+        }
         let base_keys = self.prepare(&draws, passes)?;
         let mut drawings = Vec::new();
         let blended = match leaves {
@@ -222,8 +296,10 @@ impl Painter {
             drawn_for.is_some_and(|drawn| bytemuck::bytes_of(&drawn) == bytemuck::bytes_of(block));
         let Self {
             options,
+            samples,
+            between,
             depth_reset,
-            panorama,
+            panoramas,
             commands,
             uploads,
             target,
@@ -244,7 +320,8 @@ impl Painter {
         let Some(target) = target else { return Ok(Vec::new()) };
         let mut recording = commands.begin()?;
         uploads.record(&mut recording);
-        let panorama = &*panorama;
+        let (panorama, samples) = (panoramas.get(samples), *samples);
+        let between = between.as_ref().filter(|between| between.count > 0);
         let record_opaque = |commands: &mut Draws<'_, '_>| {
             limit(commands);
             for (draw, key) in base_draws.iter().zip(&base_keys).filter(|(draw, _)| !draw.blended) {
@@ -265,7 +342,9 @@ impl Painter {
             let with_base = index == 0 && !options.single_pass;
             let of_leaves = draws.iter().filter(|draw| drawn(index, draw.group.kind));
             let opaque = base_draws.iter().filter(|draw| with_base && !draw.blended);
-            let count = of_leaves.clone().count() + opaque.count();
+            let of_between = between.filter(|_| index == 0);
+            let count =
+                of_leaves.clone().count() + opaque.count() + of_between.map_or(0, |b| b.draws().count());
             drawings.push(Drawing { name: pass.name, ms: 0.0, draws: count as u32 });
             recording.timed(pass.name, |recording| {
                 target.render(recording, with_base.then(|| options.clear()), |commands| {
@@ -277,12 +356,20 @@ impl Painter {
                             of_leaves.reverse();
                         }
                         for draw in of_leaves {
-                            let pipeline = &pipelines[&leaf_key(options, pass, index, draw.group)];
+                            let pipeline = &pipelines[&leaf_key(options, samples, (index, pass), draw.group)];
                             commands.pipeline(pipeline).set(0, scene_set).set(1, &list.set);
                             commands.set(2, &array_sets[&bound_arrays(draw.group.arrays)]);
                             let Range { start, end } = draw.leaves;
                             commands
                                 .draw_instance(3 * start..3 * end, if index > 0 { start + end } else { 0 });
+                        }
+                    }
+                    if let Some(between) = of_between {
+                        let pipeline = &pipelines[&leaf_key(options, samples, (index, pass), Group::BETWEEN)];
+                        commands.pipeline(pipeline).set(0, scene_set).set(1, &between.list.set);
+                        commands.set(2, &array_sets[&Group::BETWEEN.arrays]);
+                        for leaves in between.draws() {
+                            commands.draw(3 * leaves.start..3 * leaves.end);
                         }
                     }
                     if with_base {
@@ -326,9 +413,13 @@ impl Painter {
     fn prepare(&mut self, draws: &[LeafDraw], passes: &[ColorPass]) -> Result<Vec<PipelineKey>> {
         for LeafDraw { group, .. } in draws {
             for (index, &pass) in passes.iter().enumerate().filter(|&(index, _)| drawn(index, group.kind)) {
-                self.pipeline(leaf_key(&self.options, pass, index, *group))?;
+                self.pipeline(leaf_key(&self.options, self.samples, (index, pass), *group))?;
             }
             self.array_set(bound_arrays(group.arrays))?;
+        }
+        if let (Some(Between { count: 1.., .. }), Some(&pass)) = (&self.between, passes.first()) {
+            self.pipeline(leaf_key(&self.options, self.samples, (0, pass), Group::BETWEEN))?;
+            self.array_set(Group::BETWEEN.arrays)?;
         }
         for index in 0..self.base_draws.len() {
             self.array_set([self.base_draws[index].array, 0, 0])?;
@@ -396,7 +487,14 @@ impl Painter {
 
     fn target_desc(&self, block: &FrameBlock) -> TargetDesc {
         let &FrameBlock { width, height, halvings, .. } = block;
-        TargetDesc { width, height, halvings, samples: self.options.samples, depth: self.depth_format() }
+        TargetDesc {
+            width,
+            height,
+            halvings,
+            samples: self.samples,
+            depth: self.depth_format(),
+            is_plain: self.is_plain,
+        }
     }
 
     /// Makes the set of a group's arrays.
@@ -419,6 +517,23 @@ impl Painter {
 
     fn depth_format(&self) -> Format {
         depth_format(self.options.single_pass)
+    }
+}
+
+/// Faces between the centres of pixels, as they were handed over.
+struct Between {
+    list: LeafList,
+    /// How many, the first ones, the frustum does not clip.
+    inside: u32,
+    /// How many are drawn.
+    count: u32,
+    replaces_picture: bool,
+}
+
+impl Between {
+    fn draws(&self) -> impl Iterator<Item = Range<u32>> {
+        let (inside, cut) = (self.inside, self.count);
+        clusters::split(0..inside, false).chain(clusters::split(inside..cut, true))
     }
 }
 

@@ -12,6 +12,9 @@ use crate::constants::LEAF_TRACED;
 use crate::pixels::picture::Picture;
 use crate::scene::View;
 
+/// Corners of its leaves.
+const LEAVES: [[u32; 3]; 2] = [[0, 1, 2], [0, 2, 3]];
+
 /// The rectangle.
 pub struct Quad<'a> {
     picture: &'a Picture,
@@ -34,9 +37,14 @@ impl<'a> Quad<'a> {
         Some(Self { picture, view, around, corners })
     }
 
+    /// The corners of its leaves.
+    pub fn triangles(&self) -> [[Vec3; 3]; 2] {
+        LEAVES.map(|corners| corners.map(|corner| self.corners[corner as usize]))
+    }
+
     /// Its leaves, of four vertices from `first` on; their block is the first of the node table.
     pub fn leaves(&self, first: u32) -> [GpuLeaf; 2] {
-        [[0, 1, 2], [0, 2, 3]].map(|corners: [u32; 3]| GpuLeaf {
+        LEAVES.map(|corners| GpuLeaf {
             vertices: corners.map(|corner| first + corner),
             flags: LEAF_TRACED,
             ..GpuLeaf::zeroed()

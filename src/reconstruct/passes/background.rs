@@ -28,19 +28,20 @@ impl PassOptions {
 }
 
 impl Painter {
-    /// The pipeline that draws the panorama where nothing was drawn, if there is one.
-    pub(super) fn panorama(&self) -> Result<Option<GraphicsPipeline>> {
-        if self.options.background.is_some() {
-            return Ok(None);
+    /// Makes the pipeline that draws the panorama where nothing was drawn, unless it is there or there is no panorama.
+    pub(super) fn make_panorama(&mut self) -> Result<()> {
+        if self.options.background.is_some() || self.panoramas.contains_key(&self.samples) {
+            return Ok(());
         }
         let desc = GraphicsDesc {
             sets: &[&self.layouts[0]],
             colors: &[(Format::Rgba16f, Blend::Replace)],
             depth_format: Some(self.depth_format()),
             depth: DepthMode::Test,
-            samples: self.options.samples,
+            samples: self.samples,
             ..GraphicsDesc::opaque("background", spirv!("background.vert"), spirv!("background.frag"))
         };
-        GraphicsPipeline::new(&self.gpu, &desc).map(Some)
+        self.panoramas.insert(self.samples, GraphicsPipeline::new(&self.gpu, &desc)?);
+        Ok(())
     }
 }

@@ -32,7 +32,17 @@ impl Painter {
         let frustum = block.frustum();
         self.uploads.write(&self.frame, 0, std::slice::from_ref(block))?;
         let Self {
-            options, panorama, commands, uploads, target, pipelines, scene_set, base, array_sets, ..
+            options,
+            panoramas,
+            samples,
+            commands,
+            uploads,
+            target,
+            pipelines,
+            scene_set,
+            base,
+            array_sets,
+            ..
         } = self;
         let target = target.as_mut().expect("made above");
         let mut recording = commands.begin()?;
@@ -43,7 +53,7 @@ impl Painter {
                     let arrays = &array_sets[&[draw.array, 0, 0]];
                     record_base(commands, &pipelines[key], [scene_set, &base.set, arrays], draw, &frustum);
                 }
-                if let Some(pipeline) = panorama {
+                if let Some(pipeline) = panoramas.get(samples) {
                     commands.pipeline(pipeline).set(0, scene_set).draw(0..3);
                 }
             });

@@ -19,6 +19,8 @@ pub(super) struct PipelineKey {
     blend: PassBlend,
     cull: bool,
     mark: Mark,
+    /// Coverage samples a pixel.
+    samples: u32,
 }
 
 /// How a draw meets what was drawn before.
@@ -42,7 +44,12 @@ enum Mark {
 }
 
 /// The key for leaves of `group` in colour pass number `index`.
-pub(super) fn leaf_key(options: &PassOptions, pass: ColorPass, index: usize, group: Group) -> PipelineKey {
+pub(super) fn leaf_key(
+    options: &PassOptions,
+    samples: u32,
+    (index, pass): (usize, ColorPass),
+    group: Group,
+) -> PipelineKey {
     PipelineKey {
         reconstruction: options.reconstruction,
         leaves: group.kind,
@@ -51,6 +58,7 @@ pub(super) fn leaf_key(options: &PassOptions, pass: ColorPass, index: usize, gro
         blend: if index == 0 { PassBlend::First } else { PassBlend::Later(index.is_multiple_of(2)) },
         cull: false,
         mark: if options.single_pass && !group.picture { Mark::Needed } else { Mark::Ignored },
+        samples,
     }
 }
 
@@ -68,6 +76,7 @@ impl Painter {
                 true => Mark::Set(draw.marked),
                 false => Mark::Ignored,
             },
+            samples: self.samples,
         }
     }
 
@@ -84,7 +93,7 @@ impl Painter {
             (4, u32::from(self.options.equation == Equation::Four)),
             (5, self.options.lights),
             (6, u32::from(self.bank.is_anisotropic())),
-            (7, u32::from(self.options.samples > 1)),
+            (7, u32::from(key.samples > 1)),
             (9, u32::from(key.mixed)),
             (10, u32::from(matches!(key.mark, Mark::Set(_)))),
             (11, u32::from(matches!(key.blend, PassBlend::Later(_)))),
@@ -117,7 +126,7 @@ impl Painter {
                 depth,
                 stencil,
                 cull: if key.cull { Cull::Back } else { Cull::None },
-                samples: self.options.samples,
+                samples: key.samples,
                 ..GraphicsDesc::opaque("leaves", vertex, fragment)
             },
         )?;

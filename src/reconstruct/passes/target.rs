@@ -27,6 +27,8 @@ pub struct TargetDesc {
     pub samples: u32,
     /// Format of the depth image.
     pub depth: Format,
+    /// Whether it is for the plain picture beside the frame's own.
+    pub is_plain: bool,
 }
 
 impl TargetDesc {
@@ -34,7 +36,7 @@ impl TargetDesc {
     pub fn bytes(&self) -> u64 {
         let multisampled = if self.samples > 1 { self.multisampled().bytes() } else { 0 };
         let mean = if self.halvings > 0 { self.mean().bytes() } else { 0 };
-        let color = self.image("color", Format::Rgba16f).bytes();
+        let color = self.color().bytes();
         color + mean + multisampled + self.depth_image().bytes() + self.staging_bytes()
     }
 
@@ -59,8 +61,12 @@ impl TargetDesc {
         ImageDesc::target(name, format, self.width << self.halvings, self.height << self.halvings)
     }
 
+    fn color(&self) -> ImageDesc<'static> {
+        self.image(if self.is_plain { "plain color" } else { "color" }, Format::Rgba16f)
+    }
+
     fn depth_image(&self) -> ImageDesc<'static> {
-        self.image("depth", self.depth).with_samples(self.samples)
+        self.image(if self.is_plain { "plain depth" } else { "depth" }, self.depth).with_samples(self.samples)
     }
 
     fn multisampled(&self) -> ImageDesc<'static> {
@@ -83,8 +89,9 @@ pub(super) struct Target {
 impl Target {
     /// Whether the device has images of this size.
     pub fn is_possible(gpu: &Gpu, desc: &TargetDesc) -> bool {
-        let color = desc.image("color", Format::Rgba16f);
-        [color, desc.multisampled(), desc.depth_image()].iter().all(|image| Image::is_supported(gpu, image))
+        [desc.color(), desc.multisampled(), desc.depth_image()]
+            .iter()
+            .all(|image| Image::is_supported(gpu, image))
     }
 
     /// Makes the images; their content is undefined.
@@ -92,11 +99,12 @@ impl Target {
     /// # Errors
     /// A size that the device does not support; no memory left.
     pub fn new(gpu: &Arc<Gpu>, desc: TargetDesc) -> Result<Self> {
-        let color = Image::new(gpu, &desc.image("color", Format::Rgba16f))?;
+        let color = Image::new(gpu, &desc.color())?;
         let mean = (desc.halvings > 0).then(|| Image::new(gpu, &desc.mean())).transpose()?;
         let multisampled = (desc.samples > 1).then(|| Image::new(gpu, &desc.multisampled())).transpose()?;
         let depth = Image::new(gpu, &desc.depth_image())?;
-        let staging = ReadbackBuffer::new(gpu, "image staging", desc.staging_bytes(), ReadbackChoice::Best)?;
+        let name = if desc.is_plain { "plain staging" } else { "image staging" };
+        let staging = ReadbackBuffer::new(gpu, name, desc.staging_bytes(), ReadbackChoice::Best)?;
         Ok(Self { desc, color, mean, multisampled, depth, staging })
     }
 
@@ -128,7 +136,8 @@ mod tests {
     #[test]
     fn only_so_many_fragments_are_drawn_at_once() {
         let desc = |width, height, samples| {
-            TargetDesc { width, height, halvings: 0, samples, depth: Format::Depth32f }.halved()
+            let depth = Format::Depth32f;
+            TargetDesc { width, height, halvings: 0, samples, depth, is_plain: false }.halved()
         };
         assert_eq!(desc(3840, 2160, 1).map(|desc| desc.halvings), Some(1));
         assert_eq!(desc(3840, 2160, 4), None);
