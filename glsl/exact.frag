@@ -5,6 +5,7 @@
 #include "shading.glsl"
 #include "environment.glsl"
 #include "leaf_inputs.glsl"
+#include "traced.glsl"
 
 // What the leaves of this draw may have: LEAVES_PLAIN no specular part, LEAVES_FIRST at most the patch that the
 // view ray meets after one bounce, LEAVES_NODES any number of textures besides, LEAVES_ALL nodes of any kind;
@@ -19,11 +20,8 @@ layout(constant_id = 4) const bool EQUATION_FOUR = false;
 // Alpha carries the primary-face code, a half, in place of coverage (single-pass visibility).
 layout(constant_id = 10) const bool CODED = false;
 
-layout(set = 1, binding = 2) uniform usamplerBuffer node_table;
-
 layout(location = 0) out vec4 radiance;
 
-uvec4 node_words(uint index) { return texelFetch(node_table, int(index)); }
 vec4 node_floats(uint index) { return uintBitsToFloat(node_words(index)); }
 
 struct Ray { vec3 origin; vec3 direction; };
@@ -137,25 +135,10 @@ vec3 node_radiance(inout uint at, Branches branches, out uint branch) {
     return shade.rgb * candidates_radiance(head, Ray(bundle.xyz / shade.w, rest.xyz / shade.w), texel);
 }
 
-// Radiance of the traced pixel under the fragment, of those at `block`: false where it has none.
-bool traced_radiance(uint block, out vec3 traced) {
-    uvec4 corner_and_size = node_words(block);
-    uvec2 cell = (uvec2(gl_FragCoord.xy) >> frame.halvings) - corner_and_size.xy;
-    // Beside the block they wrap around, and so may the helpers of a fragment that is in it.
-    bool inside = all(lessThan(cell, corner_and_size.zw));
-    uint index = inside ? cell.y * corner_and_size.z + cell.x : 0u;
-    // Two to a texel, as halves.
-    uvec4 pair = node_words(block + 1u + index / 2u);
-    uvec2 halves = (index & 1u) == 0u ? pair.xy : pair.zw;
-    vec2 last = unpackHalf2x16(halves.y);
-    traced = vec3(unpackHalf2x16(halves.x), last.x);
-    return inside && last.y != 0.0;
-}
-
 void main() {
     if (LEAVES == LEAVES_TRACED) {
         vec3 traced;
-        if (!traced_radiance(header.z, traced)) discard;
+        if (!traced_radiance(traced_pixel(header.z), traced)) discard;
         radiance = vec4(traced, 1.0);
         return;
     }
@@ -220,7 +203,7 @@ void main() {
     }
     if (HAS_ALPHA_TEST && (header.w & LEAF_TRACED) != 0u) {
         vec3 traced;
-        if (traced_radiance(header.z, traced)) sum = (COMPONENTS & COMPONENT_PRIMARY) != 0u ? traced : vec3(0.0);
+        if (traced_radiance(traced_pixel(header.z), traced)) sum = (COMPONENTS & COMPONENT_PRIMARY) != 0u ? traced : vec3(0.0);
     }
     if (cut_out) discard;
     // Of specular leaves it tells later passes that nothing was added yet.

@@ -47,7 +47,7 @@ void main() {
     Leaf leaf = leaves[leaf_index()];
     uint corner = gl_VertexIndex % 3;
     uint vertex_index = leaf.vertices[corner];
-    if (LEAVES == LEAVES_TRACED) {
+    if (LEAVES == LEAVES_TRACED || LEAVES == LEAVES_PICTURE) {
         position = vertex_position(vertex_index);
         gl_Position = frame.clip_from_eye_relative * vec4(position - frame.eye, 1.0);
         header = uvec4(leaf.nodes);

@@ -176,6 +176,8 @@ shared_constants! {
     LEAVES_ALL: u32 = 3;
     /// Traced pixels cover them, and nothing cuts holes into them: no shading is left to do.
     LEAVES_TRACED: u32 = 4;
+    /// The picture of pixels that were traced beside the mesh, each as far away as what it shows.
+    LEAVES_PICTURE: u32 = 5;
     /// Textures of nodes lie in several arrays of the bank.
     MIXED_ARRAYS: u32 = 0xff;
     /// C_prim · CT_prim of Eq. 3.

@@ -263,6 +263,7 @@ fn bindings() {
     for (shader, count) in [
         (&spirv!("leaf.vert")[..], 5),
         (spirv!("exact.frag"), 8),
+        (spirv!("picture.frag"), 2),
         (spirv!("paper.vert"), 3),
         (spirv!("paper.frag"), 3),
         (spirv!("background.vert"), 1),

@@ -16,9 +16,10 @@ use vertex_tracing::{
 use common::floor::glowing_floor;
 use common::{TestGpu, image, options, over_vt, psnr, traced};
 
-/// A pane hides what is behind it in part, be that a mesh whose pixels are all traced.
+/// A pane hides what is behind it in part, be that a mesh whose pixels are all traced, and is hidden where it is under that: be
+/// it traced, too, or drawn where effort is limited. The mesh stays out of the refined one either way.
 #[test]
-fn panes_are_seen_before_dense_meshes() {
+fn panes_are_seen_among_dense_meshes() {
     let gpu = TestGpu::open();
     let mut builder = SceneBuilder::new("pane over waves");
     let metal = builder.material(chrome("silver", Vec3::splat(0.9)));
@@ -26,17 +27,30 @@ fn panes_are_seen_before_dense_meshes() {
     let veil = Material { base_color: vec3(0.8, 0.1, 0.1).extend(0.6), unlit: true, ..matte("veil") };
     let veil = Material { alpha_mode: AlphaMode::Blend, double_sided: true, ..veil };
     let veil = builder.material(veil);
-    builder.mesh("pane", shape::plane(vec3(-0.4, 0.3, 0.4), Vec3::X * 0.8, Vec3::NEG_Z * 0.8, 1.0), veil);
+    builder.mesh("pane", shape::plane(vec3(-0.4, 0.3, 0.4), Vec3::X * 0.8, vec3(0.0, -0.4, -0.8), 1.0), veil);
     builder.background(Background::Color(vec3(0.2, 0.5, 0.8)));
     builder.camera(Camera::look_at(vec3(0.0, 3.0, 0.5), Vec3::ZERO, 0.8));
     let scene = builder.build().unwrap();
-    let options = options(320, 256);
-    let frame = gpu.render(&scene, &options);
-    assert!(frame.stats.faces.visible > 20_000, "{} faces are visible", frame.stats.faces.visible);
-    let truth = image(&options, &traced(&scene, &options, 1, None));
-    let psnr = compare(&truth, &frame.image, None, Encoding::Srgb).unwrap().psnr.unwrap_or(99.0);
-    println!("{psnr:.1} dB");
-    assert!(psnr > 45.0, "{psnr:.1} dB");
+    let truth = image(&options(320, 256), &traced(&scene, &options(320, 256), 1, None));
+    for (preview, max_samples, mode, visibility) in [
+        (false, None, Mode::MultiTexture, VisibilityWay::IdBuffer),
+        (true, None, Mode::MultiTexture, VisibilityWay::IdBuffer),
+        (true, None, Mode::MultiPass, VisibilityWay::IdBuffer),
+        (true, None, Mode::MultiTexture, VisibilityWay::SinglePass),
+        (false, Some(100_000), Mode::MultiTexture, VisibilityWay::IdBuffer),
+    ] {
+        let mut options = options(320, 256);
+        (options.effort.preview, options.effort.max_samples) = (preview, max_samples);
+        (options.method.mode, options.method.visibility) = (mode, visibility);
+        let what = format!("preview {preview}, {max_samples:?} samples, {mode:?}, {visibility:?}");
+        let frame = gpu.render(&scene, &options);
+        let faces = &frame.stats.faces;
+        assert!(faces.visible > 20_000, "{what}: {} faces are visible", faces.visible);
+        let psnr = compare(&truth, &frame.image, None, Encoding::Srgb).unwrap().psnr.unwrap_or(99.0);
+        println!("{what}: {} leaves, {psnr:.1} dB", faces.leaves);
+        assert!(faces.leaves < 10_000, "{what}: {} leaves", faces.leaves);
+        assert!(psnr > 45.0, "{what}: {psnr:.1} dB");
+    }
     gpu.finish();
 }
 

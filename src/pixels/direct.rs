@@ -40,6 +40,10 @@ const BATCH: usize = 64;
 /// Share of the way from the eye to the nearest of these faces at which their picture is drawn: before all that they hide.
 const BEFORE: f32 = 0.5;
 
+/// The same of where a pixel shows them, if what is drawn among them is blended: more than rounding may move either, so that
+/// what they hide stays behind them.
+const NEARER: f32 = 1.0 - 1e-5;
+
 /// The visible faces that are traced directly.
 #[derive(Debug, Clone, Default)]
 pub struct Direct {
@@ -161,6 +165,19 @@ impl Direct {
             }
         }
         Ok((all, total))
+    }
+
+    /// Depths before the eye, along the view's axis, of what each of the traced `pixels` shows, a little nearer than there.
+    pub fn depths(&self, context: &Context, ids: IdImage, pixels: &[PicturePixel]) -> Vec<f32> {
+        let view = context.view;
+        let depth = |&PicturePixel { index, .. }: &PicturePixel| {
+            let (x, y) = (index % view.width, index / view.width);
+            let (origin, direction) = view.ray(Vec2::new(x as f32, y as f32) + 0.5);
+            let hit = point_on(context, ids.face(x, y)?, (origin, direction))?;
+            let depth = (origin + direction * hit.t - view.eye).dot(view.forward);
+            (depth >= view.near).then_some(depth * NEARER)
+        };
+        pixels.par_iter().with_min_len(TILE * TILE).map(|pixel| depth(pixel).unwrap_or(self.depth)).collect()
     }
 
     /// One sample of each pixel in neighbouring `rows`.

@@ -38,6 +38,8 @@ pub struct Subject {
     pub direct: Direct,
     /// What is blended.
     pub veils: Veils,
+    /// Whether something is that is not among it.
+    blends: bool,
 }
 
 /// Its pixels.
@@ -47,6 +49,8 @@ pub struct Picture {
     pub pixels: Vec<PicturePixel>,
     /// Depth before the eye, along the view's axis, at which they are drawn: before all that they hide.
     pub depth: f32,
+    /// The depths of what they show, if something is drawn among it and blended; else none.
+    pub depths: Vec<f32>,
     /// Whether all that is blended is among them.
     pub veiled: bool,
     /// How many show faces of the refined kind, and count as samples.
@@ -59,10 +63,8 @@ impl Subject {
     /// That of `view`, in which `found` is visible; what is blended only where it `is_veiled`.
     pub fn find(scene: &Scene, view: &View, found: &Found, options: &Options, is_veiled: bool) -> Self {
         let veils = if is_veiled { Veils::find(scene, view) } else { Veils::default() };
-        // A blended face that is drawn must not be hidden by the picture.
-        let blends = veils.is_empty() && scene.objects.iter().any(|object| scene.is_veil(object));
-        let direct = if blends { Direct::none() } else { Direct::find(scene, view, found, options) };
-        Self { direct, veils }
+        let blends = !is_veiled && scene.objects.iter().any(|object| scene.is_veil(object));
+        Self { direct: Direct::find(scene, view, found, options), veils, blends }
     }
 
     /// Traces it: of each kind about as many pixels as `most`, if there are more. Pixels of faces that `store` knows are not
@@ -81,7 +83,12 @@ impl Subject {
         let (mut pixels, rays) = self.direct.trace(context, ids, most, store, interrupt)?;
         let direct = pixels.len() as u64;
         if self.veils.is_empty() {
-            return Ok(Picture { pixels, depth: self.direct.depth, veiled: false, direct, rays });
+            // A blended face before what is shown must not be hidden by the picture, and one behind it must be.
+            let depths = match ids {
+                Some(ids) if self.blends => self.direct.depths(context, ids, &pixels),
+                _ => Vec::new(),
+            };
+            return Ok(Picture { pixels, depth: self.direct.depth, depths, veiled: false, direct, rays });
         }
         let (veiled, veil_rays) = self.veils.trace(context, most, interrupt)?;
         pixels.retain(|pixel| !self.veils.covers(pixel.index));
@@ -89,6 +96,7 @@ impl Subject {
         Ok(Picture {
             pixels,
             depth: nearest_depth(context.view),
+            depths: Vec::new(),
             veiled: true,
             direct,
             rays: rays + veil_rays,

@@ -59,7 +59,10 @@ pub struct Group {
 
 impl Group {
     /// The group of that picture.
-    const PICTURE: Self = Self { kind: LEAVES_TRACED, arrays: [0; 3], cut: true, picture: true };
+    fn picture(picture: &Picture) -> Self {
+        let kind = if picture.depths.is_empty() { LEAVES_TRACED } else { LEAVES_PICTURE };
+        Self { kind, arrays: [0; 3], cut: true, picture: true }
+    }
 
     /// That of faces [between](super::between) the centres of pixels.
     pub(super) const BETWEEN: Self = Self { kind: LEAVES_TRACED, arrays: [0; 3], cut: false, picture: true };
@@ -85,6 +88,11 @@ impl Group {
 /// Array of a texture reference; the first where there is no texture, so that such leaves join a group.
 pub fn array_of(reference: u32) -> u32 {
     if reference == NO_TEXTURE { 0 } else { reference & 0xff }
+}
+
+/// Whether the first component of Eq. 3 holds all that leaves of kind `kind` show.
+pub fn is_primary(kind: u32) -> bool {
+    matches!(kind, LEAVES_PLAIN | LEAVES_TRACED | LEAVES_PICTURE)
 }
 
 /// Everything that one frame draws of leaves.
@@ -118,7 +126,7 @@ impl Leaves {
     /// Components of Eq. 3 that are not zero everywhere, as bits of `COMPONENT_…`; the textured ones count as
     /// present with any specular leaf.
     pub fn components(&self) -> u32 {
-        if self.groups.iter().all(|(group, _)| matches!(group.kind, LEAVES_PLAIN | LEAVES_TRACED)) {
+        if self.groups.iter().all(|(group, _)| is_primary(group.kind)) {
             return COMPONENT_PRIMARY;
         }
         (0..2).fold(COMPONENT_PRIMARY, |components, branch| {
@@ -201,7 +209,7 @@ pub fn assemble(
     // The largest part comes first, so that it is handed over and gone before the device has copies of the others.
     if let Some(quad) = quad {
         let texels = quad.texels();
-        groups.entry(Group::PICTURE).or_default().extend(quad.leaves(count as u32));
+        groups.entry(Group::picture(picture)).or_default().extend(quad.leaves(count as u32));
         first = texels.len() as u32;
         result.nodes.push(texels);
     }

@@ -11,7 +11,7 @@ use super::bank::Bank;
 use super::between::BetweenLeaves;
 use super::drawn::Drawn;
 use super::frame_block::FrameBlock;
-use super::leaves::Group;
+use super::leaves::{self, Group};
 use super::readback::{self, PendingImage, PictureRing};
 use super::table::SceneTable;
 use crate::constants::*;
@@ -558,7 +558,7 @@ fn leaf_draws(leaves: &Drawn) -> Vec<LeafDraw> {
 /// Whether leaves of kind `kind` are drawn in colour pass `index`: those without specular part, or with it in their
 /// traced pixels, only in the first.
 fn drawn(index: usize, kind: u32) -> bool {
-    index == 0 || !matches!(kind, LEAVES_PLAIN | LEAVES_TRACED)
+    index == 0 || !leaves::is_primary(kind)
 }
 
 /// The arrays that are bound for a group: any where it needs none or several.

@@ -51,16 +51,25 @@ impl<'a> Quad<'a> {
         })
     }
 
-    /// Their block: the corner and the size of the rectangle in pixels, then the radiance of each, two a texel. Pixels that
-    /// the picture does not hold are not drawn.
+    /// Their block: the corner and the size of the rectangle in pixels, the radiance of each, two a texel, and, if the picture
+    /// has them, the depths, four a texel. Pixels that the picture does not hold are not drawn.
     pub fn texels(&self) -> Vec<Texel> {
-        let [columns, rows] = &self.around;
-        let mut texels = vec![Texel::default(); 1 + (columns.len() * rows.len()).div_ceil(2)];
+        let Self { picture: Picture { pixels, depths, .. }, view, around: [columns, rows], .. } = self;
+        let all = columns.len() * rows.len();
+        let radiances = all.div_ceil(2);
+        let deep = if depths.is_empty() { 0 } else { all.div_ceil(4) };
+        let mut texels = vec![Texel::default(); 1 + radiances + deep];
         texels[0] = [columns.start, rows.start, columns.len() as u32, rows.len() as u32];
-        for pixel in &self.picture.pixels {
-            let (x, y) = (pixel.index % self.view.width, pixel.index / self.view.width);
-            let cell = (y - rows.start) as usize * columns.len() + (x - columns.start) as usize;
-            blocks::put(&mut texels[1..], cell, pixel.radiance);
+        let cell = |index: u32| {
+            let (x, y) = (index % view.width, index / view.width);
+            (y - rows.start) as usize * columns.len() + (x - columns.start) as usize
+        };
+        for pixel in pixels {
+            blocks::put(&mut texels[1..], cell(pixel.index), pixel.radiance);
+        }
+        for (pixel, depth) in pixels.iter().zip(depths) {
+            let cell = cell(pixel.index);
+            texels[1 + radiances + cell / 4][cell % 4] = view.depth_value(*depth).to_bits();
         }
         texels
     }

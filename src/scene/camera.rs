@@ -225,6 +225,14 @@ impl View {
         projection * view
     }
 
+    /// What the depth image holds of a point at `depth` before the eye, along the view's axis.
+    pub fn depth_value(&self, depth: f32) -> f32 {
+        match self.orthographic {
+            true => (self.far - depth) / (self.far - self.near),
+            false => self.near / depth,
+        }
+    }
+
     /// Number of pixels.
     pub fn pixels(&self) -> usize {
         self.width as usize * self.height as usize
@@ -269,6 +277,7 @@ mod tests {
         let clip = view.clip_from_eye_relative() * Vec4::new(1.0, 0.5, -2.0, 1.0);
         assert!((clip.x / clip.w - 0.25).abs() < 1e-6 && (clip.y / clip.w + 0.25).abs() < 1e-6, "{clip}");
         assert!((clip.z / clip.w - view.near / 2.0).abs() < 1e-9);
+        assert!((clip.z / clip.w - view.depth_value(2.0)).abs() < 1e-9);
     }
 
     #[test]
@@ -282,5 +291,6 @@ mod tests {
         assert!((origin - Vec3::new(-2.0, 1.0, 4.0)).length() < 1e-6 && direction == Vec3::NEG_Z);
         let clip = view.clip_from_eye_relative() * Vec4::new(0.0, 0.0, -4.0, 1.0);
         assert!(clip.z > 0.0 && clip.z < 1.0 && clip.w == 1.0);
+        assert!((clip.z - view.depth_value(4.0)).abs() < 1e-6, "{clip}");
     }
 }

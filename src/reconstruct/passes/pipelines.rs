@@ -111,9 +111,10 @@ impl Painter {
             PassBlend::Later(true) => (Blend::AddOnceMore, DepthMode::Equal),
             PassBlend::Coverage => (Blend::Over, DepthMode::Test),
         };
-        let (vertex, fragment): (&[u8], &[u8]) = match key.reconstruction {
-            Reconstruction::Exact => (spirv!("leaf.vert"), spirv!("exact.frag")),
-            Reconstruction::Paper => (spirv!("paper.vert"), spirv!("paper.frag")),
+        let (vertex, fragment): (&[u8], &[u8]) = match (key.reconstruction, key.leaves) {
+            (Reconstruction::Exact, LEAVES_PICTURE) => (spirv!("leaf.vert"), spirv!("picture.frag")),
+            (Reconstruction::Exact, _) => (spirv!("leaf.vert"), spirv!("exact.frag")),
+            (Reconstruction::Paper, _) => (spirv!("paper.vert"), spirv!("paper.frag")),
         };
         let pipeline = GraphicsPipeline::new(
             &self.gpu,
