@@ -2,7 +2,7 @@
 
 use std::path::Path;
 
-use glam::{Affine2, DVec3, Vec2, Vec3};
+use glam::{Affine2, DVec3, Vec2, Vec3, Vec4};
 use vertex_tracing::error::Error;
 use vertex_tracing::options::Options;
 use vertex_tracing::scene::classify::{VtRules, classify};
@@ -191,7 +191,12 @@ fn every_word_of_the_writer_is_read() {
             }),
             ..matte("body")
         },
-        Material { unlit: true, alpha_mode: AlphaMode::Blend, ..matte("unlit") },
+        Material {
+            unlit: true,
+            alpha_mode: AlphaMode::Blend,
+            base_color: Vec4::new(0.2, 0.4, 0.6, 0.5),
+            ..matte("unlit")
+        },
     ];
     for (i, material) in materials.into_iter().enumerate() {
         let id = builder.material(material);

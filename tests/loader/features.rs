@@ -237,6 +237,7 @@ fn objects_that_repeat_another_are_dropped_by_name() {
 
     // Each layer of it covers more.
     model.json["materials"][0]["alphaMode"] = json!("BLEND");
+    model.json["materials"][0]["pbrMetallicRoughness"] = json!({"baseColorFactor": [1, 1, 1, 0.5]});
     assert_eq!(model.load().objects.len(), 7);
 }
 

@@ -84,7 +84,33 @@ fn volume_needs_thickness_and_ior_0_is_infinite() {
 fn alpha_modes() {
     assert_eq!(material(json!({"alphaMode": "MASK"})).alpha_mode, AlphaMode::Mask(0.5));
     assert_eq!(material(json!({"alphaMode": "MASK", "alphaCutoff": 0.75})).alpha_mode, AlphaMode::Mask(0.75));
-    assert_eq!(material(json!({"alphaMode": "BLEND"})).alpha_mode, AlphaMode::Blend);
+    let half = json!({"baseColorFactor": [1, 1, 1, 0.5]});
+    let blended = material(json!({"alphaMode": "BLEND", "pbrMetallicRoughness": half}));
+    assert_eq!(blended.alpha_mode, AlphaMode::Blend);
+}
+
+/// Exporters mark whole models BLEND; only what can be seen through is.
+#[test]
+fn blend_without_alpha_is_opaque() {
+    let of_texture = |alpha: u8| {
+        let mut model = textured(&[[10, 20, 30, alpha]]);
+        let texture = json!({"baseColorTexture": {"index": 0}});
+        model.json["materials"][0] = json!({"alphaMode": "BLEND", "pbrMetallicRoughness": texture});
+        model
+    };
+    let scene = of_texture(255).load();
+    assert_eq!(scene.materials[0].alpha_mode, AlphaMode::Opaque);
+    assert!(
+        noted(&scene, "material 0: BLEND, but its alpha is 1 everywhere: it is opaque"),
+        "{:?}",
+        scene.notes
+    );
+    assert_eq!(of_texture(254).load().materials[0].alpha_mode, AlphaMode::Blend);
+
+    let mut model = of_texture(255);
+    let colors = model.floats("VEC4", &[1.0, 1.0, 1.0, 1.0, 1.0, 1.0, 1.0, 0.9, 1.0, 1.0, 1.0, 1.0]);
+    model.attribute("COLOR_0", colors);
+    assert_eq!(model.load().materials[0].alpha_mode, AlphaMode::Blend);
 }
 
 #[test]

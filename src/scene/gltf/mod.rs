@@ -21,6 +21,7 @@ mod materials;
 mod mesh;
 mod nodes;
 mod notes;
+mod opaque;
 mod piece;
 mod tangents;
 mod textures;
@@ -147,7 +148,7 @@ fn read(bytes: &[u8], folder: Option<&Path>, file: &Path, limits: &Limits) -> Re
         images: images_in_use.iter().copied().collect(),
     };
 
-    Ok(Scene {
+    let mut scene = Scene {
         name: file.file_stem().map_or_else(|| "scene".into(), |stem| stem.to_string_lossy().into_owned()),
         origin,
         geometry: assembly.geometry,
@@ -160,6 +161,9 @@ fn read(bytes: &[u8], folder: Option<&Path>, file: &Path, limits: &Limits) -> Re
         cameras,
         background: Background::default(),
         unread: unread::list(&document.root, &used, unread_bytes),
-        notes: notes.into_lines(),
-    })
+        notes: Vec::new(),
+    };
+    opaque::settle(&mut scene, &notes);
+    scene.notes = notes.into_lines();
+    Ok(scene)
 }
