@@ -14,6 +14,7 @@ use crate::error::{Error, Result};
 use crate::gpu::Gpu;
 use crate::memory;
 use crate::options::{EffortOptions, FilterMode, Options};
+use crate::pixels::picture::most_veils;
 use crate::pixels::smooth::Smoothing;
 use crate::plan::Plan;
 use crate::reconstruct::between::Between;
@@ -80,8 +81,8 @@ pub struct Renderer<'s> {
     /// What these options do not ask for.
     kept: Kept,
     warming_up: bool,
-    /// Whether what is blended is traced: not where samples or time are limited, but for warming up.
-    traces_veils: bool,
+    /// Pixels of what is blended up to which they are traced; warming up changes nothing.
+    most_veils: u64,
 }
 
 /// Samples of the frame that compiles a scene's draws, the visible faces that it is about, of its samples the pixels
@@ -167,7 +168,7 @@ impl<'s> Renderer<'s> {
             step_interval: Duration::ZERO,
             kept,
             warming_up: false,
-            traces_veils: options.effort.is_unlimited(),
+            most_veils: most_veils(&options.effort),
         })
     }
 
@@ -272,7 +273,7 @@ impl<'s> Renderer<'s> {
     ///
     /// A renderer that was warmed up with a time budget keeps to another one as well.
     pub fn set_effort(&mut self, effort: EffortOptions) {
-        self.traces_veils = effort.is_unlimited();
+        self.most_veils = most_veils(&effort);
         self.options.effort = effort;
     }
 
@@ -316,9 +317,10 @@ impl<'s> Renderer<'s> {
             }
             None => (None, None, None, Instant::now(), 0),
         };
+        let whole = !leaves.as_ref().is_some_and(Drawn::veiled);
         let mut image = self.reconstruct(&block, leaves, between, &mut stats)?;
         if self.plan.smooths && !self.warming_up && self.options.show.is_none() {
-            image = Some(self.smooth(view, image, &mut stats)?);
+            image = Some(self.smooth(view, whole, image, &mut stats)?);
         }
         stats.time_ms.frame = ms(started);
         self.finished = (cost, refined.elapsed());
@@ -357,7 +359,7 @@ impl<'s> Renderer<'s> {
             interrupt: &self.interrupt,
             step_interval: self.step_interval,
             most_faces: if self.warming_up { WARM_UP_FACES } else { usize::MAX },
-            traces_veils: self.traces_veils,
+            most_veils: self.most_veils,
             most_direct: if self.warming_up { WARM_UP_DIRECT } else { u64::MAX },
         };
         let found = finder.find(view, || painter.draw_base(block))?;
@@ -422,14 +424,21 @@ impl<'s> Renderer<'s> {
         Ok(image)
     }
 
-    /// Traces pixels of the finished picture again: of `image`, or of the painter's.
-    fn smooth(&mut self, view: &View, image: Option<FloatImage>, stats: &mut Stats) -> Result<FloatImage> {
+    /// Traces pixels of the finished picture again: of `image`, or of the painter's, in which specular objects are drawn `whole`.
+    fn smooth(
+        &mut self,
+        view: &View,
+        whole: bool,
+        image: Option<FloatImage>,
+        stats: &mut Stats,
+    ) -> Result<FloatImage> {
         let Self { traced, settings, options, interrupt, painted, .. } = self;
         let time = Instant::now();
         let mut image = image.map_or_else(|| painted.painter.read_image(), Ok)?;
         if let Some(Traced { tracer, .. }) = traced {
             let most = options.method.pixel_samples.samples();
-            let rays = Smoothing { tracer, settings, view, most, interrupt }.apply(&mut image)?.total();
+            let rays =
+                Smoothing { tracer, settings, view, most, whole, interrupt }.apply(&mut image)?.total();
             stats.rays.pixel += rays;
             stats.rays.total += rays;
         }

@@ -78,14 +78,16 @@ fn panes_are_blended_in_order_and_shadowed() {
     builder.point_light(vec3(0.3, 4.0, 2.5), Vec3::splat(60.0));
     builder.camera(Camera::look_at(vec3(0.2, 1.4, 3.6), vec3(0.0, 0.5, 0.0), 0.8));
     let scene = builder.build().unwrap();
-    for (mode, visibility, msaa) in [
-        (Mode::MultiTexture, VisibilityWay::IdBuffer, Msaa::One),
-        (Mode::MultiPass, VisibilityWay::IdBuffer, Msaa::One),
-        (Mode::MultiTexture, VisibilityWay::SinglePass, Msaa::One),
-        (Mode::MultiTexture, VisibilityWay::Device, Msaa::Four),
+    for (mode, visibility, msaa, max_samples) in [
+        (Mode::MultiTexture, VisibilityWay::IdBuffer, Msaa::One, None),
+        (Mode::MultiPass, VisibilityWay::IdBuffer, Msaa::One, None),
+        (Mode::MultiTexture, VisibilityWay::SinglePass, Msaa::One, None),
+        (Mode::MultiTexture, VisibilityWay::Device, Msaa::Four, None),
+        (Mode::MultiTexture, VisibilityWay::IdBuffer, Msaa::One, Some(1_000_000)),
     ] {
         let mut options = options(320, 256);
         (options.method.mode, options.method.visibility, options.method.msaa) = (mode, visibility, msaa);
+        options.effort.max_samples = max_samples;
         let frame = gpu.render(&scene, &options);
         let truth = image(&options, &traced(&scene, &options, 1, None));
         let far =
@@ -93,6 +95,38 @@ fn panes_are_blended_in_order_and_shadowed() {
         let wrong = frame.image.pixels.iter().zip(&truth.pixels).filter(far).count();
         println!("{mode:?}, {visibility:?}, {msaa:?}: {wrong} pixels are wrong");
         assert!(wrong < 320, "{mode:?}, {visibility:?}, {msaa:?}: {wrong} pixels are wrong");
+    }
+    gpu.finish();
+}
+
+/// Metal and glass that is BLEND, too, covers by its alpha; what lies behind is seen through it, another such object among it.
+#[test]
+fn blended_metal_and_glass_cover_in_part() {
+    let gpu = TestGpu::open();
+    let mut builder = SceneBuilder::new("fading");
+    let boards = builder.texture(texture::chessboard(64));
+    let floor = builder.material(matte("floor").textured(boards));
+    builder.mesh("floor", shape::plane(vec3(-2.0, 0.0, 2.0), Vec3::X * 4.0, Vec3::NEG_Z * 4.0, 1.0), floor);
+    let alpha_mode = AlphaMode::Blend;
+    let metal = Material { alpha_mode, ..chrome("fading silver", Vec3::splat(0.9)) };
+    let metal = builder.material(Material { base_color: metal.base_color.truncate().extend(0.4), ..metal });
+    builder.mesh("ball", shape::sphere(vec3(-0.4, 0.6, 0.0), 0.5, 3), metal);
+    let bottle = Material { alpha_mode, ..glass("fading glass", 1.5) };
+    let bottle = builder.material(Material { base_color: Vec4::new(1.0, 1.0, 1.0, 0.6), ..bottle });
+    builder.mesh("drop", shape::sphere(vec3(0.4, 0.6, -0.5), 0.5, 3), bottle);
+    builder.point_light(vec3(0.3, 4.0, 2.5), Vec3::splat(60.0));
+    builder.camera(Camera::look_at(vec3(0.2, 1.4, 3.6), vec3(0.0, 0.5, 0.0), 0.8));
+    let scene = builder.build().unwrap();
+    for mode in [Mode::MultiTexture, Mode::MultiPass] {
+        for visibility in [VisibilityWay::IdBuffer, VisibilityWay::SinglePass] {
+            let mut options = options(320, 256);
+            (options.method.mode, options.method.visibility) = (mode, visibility);
+            let frame = gpu.render(&scene, &options);
+            let truth = image(&options, &traced(&scene, &options, 1, None));
+            let psnr = compare(&truth, &frame.image, None, Encoding::Srgb).unwrap().psnr.unwrap_or(99.0);
+            println!("{mode:?}, {visibility:?}: {psnr:.1} dB, {} leaves", frame.stats.faces.leaves);
+            assert!(psnr > 45.0, "{mode:?}, {visibility:?}: {psnr:.1} dB");
+        }
     }
     gpu.finish();
 }

@@ -108,7 +108,7 @@ fn edges_show_what_is_drawn() {
     gpu.finish();
 }
 
-/// A mirror is drawn whole, whatever its alpha mode: edges of it are not seen through.
+/// A preview draws a mirror whole, whatever its alpha mode: edges of it are not seen through.
 #[test]
 fn edges_of_reconstructed_objects_are_whole() {
     let gpu = TestGpu::open();
@@ -123,7 +123,9 @@ fn edges_of_reconstructed_objects_are_whole() {
         let mirror = builder.material(mirror);
         builder.mesh("ball", shape::sphere(vec3(0.0, 1.0, 0.0), 1.0, 2), mirror);
         builder.camera(Camera::look_at(vec3(0.2, 1.6, 5.0), Vec3::Y, 0.6));
-        gpu.render(&builder.build().unwrap(), &options(160, 128, PixelSamples::Sixteen))
+        let mut options = options(160, 128, PixelSamples::Sixteen);
+        options.effort.preview = true;
+        gpu.render(&builder.build().unwrap(), &options)
     });
     assert!(blended.stats.time_ms.smooth > 0.0);
     assert!(rmse(&opaque.image, &blended.image) < 1e-3, "{}", rmse(&opaque.image, &blended.image));

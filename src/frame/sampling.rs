@@ -11,7 +11,6 @@ use super::{Traced, ms};
 use crate::error::Result;
 use crate::memory;
 use crate::options::{Options, Reconstruction, Show};
-use crate::pixels::direct::Direct;
 use crate::pixels::leaves::TracedPixel;
 use crate::pixels::picture::{Picture, Subject};
 use crate::reconstruct::between::{Between, Search};
@@ -55,8 +54,8 @@ pub(super) struct Job<'a> {
     pub step_interval: Duration,
     /// Visible faces that are sampled at most, of all parts of the scene.
     pub most_faces: usize,
-    /// Whether what is blended is traced, not drawn.
-    pub traces_veils: bool,
+    /// Pixels of what is blended up to which they are traced, not drawn.
+    pub most_veils: u64,
     /// Pixels beside the refined mesh that are traced at most, of faces left out of it and of what is blended each.
     pub most_direct: u64,
 }
@@ -100,10 +99,10 @@ impl Job<'_> {
         let predictor = Predictor { targets, structures, scene, view, reconstruction, shaft_guard };
         let shown = Shown::from(visible);
         let subject = match exact {
-            true => Subject::find(scene, view, visible, options, self.traces_veils),
+            true => Subject::find(scene, view, visible, options, self.most_veils),
             false => Subject::default(),
         };
-        let mesh = self.mesh(traced, visible, &subject.direct);
+        let mesh = self.mesh(traced, visible, &subject);
         let (vertices, mut pixels) = store.map(|Samples { vertices, pixels, .. }| (vertices, pixels)).unzip();
         let mut refiner = Refiner::new(&context, &predictor, mesh, shown, vertices);
         refiner.reserve = self.reserve;
@@ -118,6 +117,7 @@ impl Job<'_> {
             subject.trace(&context, visible.ids, self.most_direct, pixels.as_deref_mut(), self.interrupt)?;
         let picture_time = picture_time.elapsed();
         refiner.add_direct(picture.direct);
+        refiner.spend(picture.veils);
 
         let mut steps = Steps::new(self, &context, shown, &picture, pixels, observer);
         refiner.open_large(&options.effort);
@@ -166,10 +166,11 @@ impl Job<'_> {
     }
 
     /// The unrefined mesh: visible faces and those around them, but for what is traced beside it.
-    fn mesh(&self, traced: &Traced, visible: &Found, direct: &Direct) -> Mesh {
+    fn mesh(&self, traced: &Traced, visible: &Found, subject: &Subject) -> Mesh {
         let (scene, topology, view) = (self.matcher.scene, self.topology, self.view);
-        let classes = direct.without(&traced.classes);
-        let in_mesh: Vec<u32> = visible.visible.iter().copied().filter(|&face| !direct.is(face)).collect();
+        let classes = subject.without(&traced.classes);
+        let in_mesh: Vec<u32> =
+            visible.visible.iter().copied().filter(|&face| !subject.holds(scene, face)).collect();
         let seeds = traced.adjacency.one_ring(scene, topology, &classes, view, &in_mesh);
         let some = seeds.len().div_ceil(self.most_faces).max(1);
         let seeds: Vec<_> = seeds.into_iter().step_by(some).collect();

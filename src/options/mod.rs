@@ -146,11 +146,6 @@ impl Default for EffortOptions {
 pub const DEFAULT_ERROR: f32 = 0.5;
 
 impl EffortOptions {
-    /// Whether neither samples nor time are limited.
-    pub fn is_unlimited(&self) -> bool {
-        !self.preview && self.max_samples.is_none() && self.budget.is_none()
-    }
-
     /// The predicted displacement, in pixels, at which refinement stops; `None` if only samples or time stop it.
     pub fn target(&self) -> Option<f32> {
         let is_limited = self.max_samples.is_some() || self.budget.is_some();

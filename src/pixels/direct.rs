@@ -1,7 +1,6 @@
 //! Faces so many and so small that the refined mesh need not know them: their pixels are traced from the image of the faces
 //! alone, and drawn as one picture.
 
-use std::borrow::Cow;
 use std::sync::atomic::{AtomicBool, Ordering};
 
 use glam::Vec2;
@@ -17,7 +16,7 @@ use crate::trace::Rays;
 use crate::trace::cone::Filtering;
 use crate::trace::sample::Context;
 use crate::trace::wave::Points;
-use crate::visibility::{Class, Found, IdImage};
+use crate::visibility::{Found, IdImage};
 
 /// Number of such faces from which leaving them out of the mesh is worth a picture of the frame's size: one for so many of
 /// its pixels, and how many at least.
@@ -50,7 +49,7 @@ pub struct Direct {
     /// By face of the scene; empty if there is none.
     is_direct: Vec<bool>,
     /// Objects that have such faces, ascending.
-    objects: Vec<u32>,
+    pub objects: Vec<u32>,
     /// Pixels that they own.
     pixels: u64,
     /// Depth before the eye, along the view's axis, at which their picture is drawn: nearer than any of them, if its corners can
@@ -59,14 +58,15 @@ pub struct Direct {
 }
 
 impl Direct {
-    /// No face is.
-    pub fn none() -> Self {
-        Self::default()
-    }
-
-    /// Those of `found`, if they are many: faces of fewer than eight pixels, specular ones alone where a pixel has several
-    /// samples that are drawn. It must be known which pixels show them.
-    pub fn find(scene: &Scene, view: &View, found: &Found, options: &Options) -> Self {
+    /// Those of `found` that are `wanted`, if they are many: faces of fewer than eight pixels, specular ones alone where a pixel
+    /// has several samples that are drawn. It must be known which pixels show them.
+    pub fn find(
+        scene: &Scene,
+        view: &View,
+        found: &Found,
+        options: &Options,
+        wanted: impl Fn(u32) -> bool + Sync,
+    ) -> Self {
         let Options { method, effort, .. } = options;
         let many = match effort.max_samples {
             Some(_) => SPARING,
@@ -74,14 +74,15 @@ impl Direct {
         };
         let all = !method.has_sub_samples();
         let counts = &found.faces.pixels_per_face;
-        let is_small =
-            |&&face: &&u32| (1..FEW_PIXELS).contains(&counts[face as usize]) && (all || scene.is_vt(face));
+        let is_small = |&&face: &&u32| {
+            (1..FEW_PIXELS).contains(&counts[face as usize]) && (all || scene.is_vt(face)) && wanted(face)
+        };
         if found.ids.is_none() || found.visible.len() < many {
-            return Self::none();
+            return Self::default();
         }
         let faces: Vec<u32> = found.visible.par_iter().filter(is_small).copied().collect();
         if faces.len() < many {
-            return Self::none();
+            return Self::default();
         }
         let mut objects: Vec<u32> =
             faces.iter().map(|&face| scene.geometry.face_objects[face as usize]).collect();
@@ -105,16 +106,6 @@ impl Direct {
     /// Whether there is none.
     pub fn is_empty(&self) -> bool {
         self.is_direct.is_empty()
-    }
-
-    /// `classes` for finding the faces around the others: beside faces of few pixels those that own none are not worth the
-    /// samples of their corners.
-    pub fn without<'c>(&self, classes: &'c [Class]) -> Cow<'c, [Class]> {
-        let mut classes = Cow::Borrowed(classes);
-        for &object in &self.objects {
-            classes.to_mut()[object as usize] = Class::Occluder;
-        }
-        classes
     }
 
     /// Whether `face` of the scene is one of them.

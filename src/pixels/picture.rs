@@ -1,5 +1,6 @@
 //! Pixels that are traced beside the refined mesh, and drawn before it as one picture.
 
+use std::borrow::Cow;
 use std::sync::atomic::AtomicBool;
 
 use super::HalfRadiance;
@@ -7,11 +8,23 @@ use super::direct::Direct;
 use super::store::PixelStore;
 use super::veils::Veils;
 use crate::error::Result;
-use crate::options::Options;
+use crate::options::{EffortOptions, Options};
 use crate::scene::{Scene, View};
 use crate::trace::Rays;
 use crate::trace::sample::Context;
-use crate::visibility::{Found, IdImage};
+use crate::visibility::{Class, Found, IdImage};
+
+/// The part of the samples allowed that pixels of what is blended may take.
+const VEILS_SHARE: u64 = 4;
+
+/// Pixels of what is blended up to which a frame of this effort traces them: none where it has to be quick, for they take some
+/// times as long as to be drawn.
+pub fn most_veils(effort: &EffortOptions) -> u64 {
+    if effort.preview || effort.budget.is_some() {
+        return 0;
+    }
+    effort.max_samples.map_or(u64::MAX, |most| most / VEILS_SHARE)
+}
 
 /// Roundings of the eye's largest coordinate before the eye at which the picture is drawn, at least: nearer its corners would not
 /// be where they should, and what stands nearer hides it.
@@ -38,7 +51,7 @@ pub struct Subject {
     pub direct: Direct,
     /// What is blended.
     pub veils: Veils,
-    /// Whether something is that is not among it.
+    /// Whether something is drawn and blended, not traced.
     blends: bool,
 }
 
@@ -53,6 +66,8 @@ pub struct Picture {
     pub depths: Vec<f32>,
     /// Whether all that is blended is among them.
     pub veiled: bool,
+    /// How many show what is blended.
+    pub veils: u64,
     /// How many show faces of the refined kind, and count as samples.
     pub direct: u64,
     /// Rays that they took.
@@ -60,11 +75,29 @@ pub struct Picture {
 }
 
 impl Subject {
-    /// That of `view`, in which `found` is visible; what is blended only where it `is_veiled`.
-    pub fn find(scene: &Scene, view: &View, found: &Found, options: &Options, is_veiled: bool) -> Self {
-        let veils = if is_veiled { Veils::find(scene, view) } else { Veils::default() };
-        let blends = !is_veiled && scene.objects.iter().any(|object| scene.is_veil(object));
-        Self { direct: Direct::find(scene, view, found, options), veils, blends }
+    /// That of `view`, in which `found` is visible; what is blended only if it covers no more than `most_veils` pixels.
+    pub fn find(scene: &Scene, view: &View, found: &Found, options: &Options, most_veils: u64) -> Self {
+        let veils = (most_veils > 0).then(|| Veils::find(scene, view));
+        let veils = veils.filter(|veils| veils.pixels <= most_veils);
+        let blends = veils.is_none() && scene.objects.iter().any(|object| scene.is_veil(object));
+        let veils = veils.unwrap_or_default();
+        let direct = Direct::find(scene, view, found, options, |face| !veils.holds(scene, face));
+        Self { direct, veils, blends }
+    }
+
+    /// Whether the mesh need not know `face`.
+    pub fn holds(&self, scene: &Scene, face: u32) -> bool {
+        self.direct.is(face) || self.veils.holds(scene, face)
+    }
+
+    /// `classes` for finding the faces around the others: beside these, faces that own no pixel are not worth the samples of
+    /// their corners.
+    pub fn without<'c>(&self, classes: &'c [Class]) -> Cow<'c, [Class]> {
+        let mut classes = Cow::Borrowed(classes);
+        for &object in self.direct.objects.iter().chain(&self.veils.specular) {
+            classes.to_mut()[object as usize] = Class::Occluder;
+        }
+        classes
     }
 
     /// Traces it: of each kind about as many pixels as `most`, if there are more. Pixels of faces that `store` knows are not
@@ -88,9 +121,18 @@ impl Subject {
                 Some(ids) if self.blends => self.direct.depths(context, ids, &pixels),
                 _ => Vec::new(),
             };
-            return Ok(Picture { pixels, depth: self.direct.depth, depths, veiled: false, direct, rays });
+            return Ok(Picture {
+                pixels,
+                depth: self.direct.depth,
+                depths,
+                veiled: false,
+                veils: 0,
+                direct,
+                rays,
+            });
         }
         let (veiled, veil_rays) = self.veils.trace(context, most, interrupt)?;
+        let veils = veiled.len() as u64;
         pixels.retain(|pixel| !self.veils.covers(pixel.index));
         pixels.extend(veiled);
         Ok(Picture {
@@ -98,6 +140,7 @@ impl Subject {
             depth: nearest_depth(context.view),
             depths: Vec::new(),
             veiled: true,
+            veils,
             direct,
             rays: rays + veil_rays,
         })

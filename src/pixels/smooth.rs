@@ -58,6 +58,8 @@ pub struct Smoothing<'a> {
     pub view: &'a View,
     /// Most samples of a pixel: 4, 16 or 64.
     pub most: usize,
+    /// Whether specular objects that are BLEND, too, were drawn whole.
+    pub whole: bool,
     /// Ends the work once it is set.
     pub interrupt: &'a AtomicBool,
 }
@@ -109,7 +111,7 @@ impl Smoothing<'_> {
     ) -> Result<Rays> {
         let view = self.view;
         let width = view.width as usize;
-        let mut rays = ViewRays::new(self.tracer, self.settings, true);
+        let mut rays = ViewRays::new(self.tracer, self.settings, true).of_whole(self.whole);
         let mut places = Vec::new();
         for left in (0..width).step_by(TILE) {
             if self.interrupt.load(Ordering::Relaxed) {

@@ -1,5 +1,5 @@
 //! BLEND faces, which view rays pass in part: their pixels are traced, for no order of drawing is right for all of them, and
-//! what is drawn last has no samples that know of shadows.
+//! what is drawn last has no samples that know of shadows. Leaves of specular ones hide what is behind them, whole.
 
 use std::sync::atomic::{AtomicBool, Ordering};
 
@@ -9,7 +9,7 @@ use rayon::prelude::*;
 use super::picture::PicturePixel;
 use crate::error::{Error, Result};
 use crate::refine::footprint::{Footprint, ROUNDING};
-use crate::scene::{Scene, View};
+use crate::scene::{AlphaMode, Scene, View};
 use crate::trace::Rays;
 use crate::trace::eye::ViewRays;
 use crate::trace::sample::Context;
@@ -23,15 +23,21 @@ pub struct Veils {
     /// By pixel; empty if there is none.
     covered: Vec<bool>,
     /// How many they are.
-    pixels: u64,
+    pub pixels: u64,
+    /// Specular objects among them, ascending.
+    pub specular: Vec<u32>,
 }
 
 impl Veils {
     /// Those of the scene in `view`.
     pub fn find(scene: &Scene, view: &View) -> Self {
-        let mut covered = Vec::new();
-        for object in scene.objects.iter().filter(|object| scene.is_veil(object)) {
+        let (mut covered, mut specular) = (Vec::new(), Vec::new());
+        for (index, object) in (0..).zip(&scene.objects) {
             let material = &scene.materials[object.material as usize];
+            if material.alpha_mode != AlphaMode::Blend {
+                continue;
+            }
+            specular.extend(object.vt.then_some(index));
             for face in object.faces.clone() {
                 let corners = scene.geometry.corners(face);
                 if material.culls(scene.geometry.area_normal(face), view.direction_to(corners[0])) {
@@ -50,12 +56,18 @@ impl Veils {
             }
         }
         let pixels = covered.par_iter().filter(|&&covered| covered).count() as u64;
-        Self { covered, pixels }
+        Self { covered, pixels, specular }
     }
 
     /// Whether there is none.
     pub fn is_empty(&self) -> bool {
         self.covered.is_empty()
+    }
+
+    /// Whether `face` is of a specular object among them: all that it shows is in their picture.
+    pub fn holds(&self, scene: &Scene, face: u32) -> bool {
+        let object = scene.geometry.face_objects[face as usize];
+        !self.specular.is_empty() && self.specular.binary_search(&object).is_ok()
     }
 
     /// Whether pixel `index` is one of them.

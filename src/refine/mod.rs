@@ -243,6 +243,11 @@ impl<'a> Refiner<'a> {
         self.total_pixels += pixels as f64;
     }
 
+    /// Lets `pixels` that are traced count against a budget.
+    pub fn spend(&mut self, pixels: u64) {
+        self.pixel_budget_used += pixels as f64;
+    }
+
     /// Samples that count against a budget: vertices, and pixels traced one by one.
     pub fn cost(&self) -> u64 {
         self.samples.sampled() + self.pixel_budget_used as u64

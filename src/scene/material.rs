@@ -114,8 +114,8 @@ impl Material {
         !self.double_sided && normal.dot(direction) > 0.0
     }
 
-    /// Whether a picture shows what lies behind it in part: BLEND, but of `specular` VT objects, which show as they are
-    /// reconstructed, whole.
+    /// Whether what lies behind it shows in part where it is drawn, not traced: BLEND, but of `specular` VT objects, which show
+    /// as they are reconstructed, whole.
     pub fn is_veil(&self, specular: bool) -> bool {
         self.alpha_mode == AlphaMode::Blend && !specular
     }

@@ -129,7 +129,7 @@ impl Scene {
         self.objects[self.geometry.face_objects[face as usize] as usize].vt
     }
 
-    /// Whether a picture shows what lies behind `object` in part.
+    /// Whether what lies behind `object` shows in part where it is drawn, not traced.
     pub fn is_veil(&self, object: &Object) -> bool {
         self.materials[object.material as usize].is_veil(object.vt)
     }

@@ -47,6 +47,8 @@ pub struct ViewRays<'t, 's> {
     passable: Vec<bool>,
     /// Whether it does behind the back of a one-sided face.
     culled: bool,
+    /// Whether BLEND surfaces of specular objects stop it whole.
+    whole: bool,
 }
 
 impl<'t, 's> ViewRays<'t, 's> {
@@ -65,7 +67,14 @@ impl<'t, 's> ViewRays<'t, 's> {
             traced: 0,
             passable: tracer.scene().materials.iter().map(passable).collect(),
             culled,
+            whole: false,
         }
+    }
+
+    /// The same of a picture in which specular objects were drawn `whole`, be they BLEND or not.
+    #[must_use]
+    pub fn of_whole(self, whole: bool) -> Self {
+        Self { whole, ..self }
     }
 
     /// The same with textures filtered over what pixels cover, where that is asked for: the rays are those of pixels.
@@ -134,7 +143,7 @@ impl<'t, 's> ViewRays<'t, 's> {
         }
         let material = &self.tracer.scene().materials[record.material as usize];
         let is_back = self.culled && material.culls(record.ng, direction);
-        if !is_back && !material.is_veil(self.culled && record.vt) {
+        if !is_back && !material.is_veil(self.whole && record.vt) {
             return (1.0, Vec3::ZERO);
         }
         let at = Surface::new(self.tracer, face, u, v, direction);
