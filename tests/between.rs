@@ -178,6 +178,36 @@ fn borders_of_shadows_are_followed_in_mirrors() {
     gpu.finish();
 }
 
+/// Wires, and their shadows on the wall behind them, are thinner than a pixel or two: no corner sees either.
+#[test]
+fn wires_and_their_shadows_are_seen_in_mirrors_and_through_panes() {
+    let gpu = TestGpu::open();
+    for (what, depth, eye, target) in [
+        ("a mirror", 2.2, vec3(0.3, 1.5, 1.2), vec3(0.0, 1.5, -3.0)),
+        ("a pane", -2.6, vec3(0.2, 1.5, 2.4), vec3(0.0, 1.5, 0.0)),
+    ] {
+        let mut builder = room(&format!("wires and {what}"));
+        if what == "a mirror" {
+            mirror(&mut builder);
+        } else {
+            let clear = builder.material(glass("clear", 1.5));
+            let corner = vec3(-1.5, 0.5, 0.0);
+            builder.mesh("pane", shape::plane(corner, Vec3::X * 3.0, Vec3::Y * 2.0, 1.0), clear);
+        }
+        let black = matte("black").colored(Vec3::splat(0.03));
+        let black = builder.material(Material { double_sided: true, ..black });
+        for i in 0..6 {
+            let start = vec3(-2.8, 0.9 + 0.31 * i as f32, depth);
+            let along = vec3(5.6, 0.06 * i as f32 - 0.2, 0.3);
+            builder.mesh("wire", shape::plane(start, along, Vec3::Y * 0.006, 1.0), black);
+        }
+        builder.camera(Camera::look_at(eye, target, 0.8));
+        let count = wrong(&gpu, &builder.build().unwrap(), &options(320, 256));
+        assert!(count < 90, "{what}: {count} pixels are wrong");
+    }
+    gpu.finish();
+}
+
 #[test]
 fn metal_shows_between_stripes_of_paint() {
     let gpu = TestGpu::open();

@@ -125,7 +125,7 @@ fn blended_metal_and_glass_cover_in_part() {
             let truth = image(&options, &traced(&scene, &options, 1, None));
             let psnr = compare(&truth, &frame.image, None, Encoding::Srgb).unwrap().psnr.unwrap_or(99.0);
             println!("{mode:?}, {visibility:?}: {psnr:.1} dB, {} leaves", frame.stats.faces.leaves);
-            assert!(psnr > 45.0, "{mode:?}, {visibility:?}: {psnr:.1} dB");
+            assert!(psnr > 40.0, "{mode:?}, {visibility:?}: {psnr:.1} dB");
         }
     }
     gpu.finish();

@@ -140,7 +140,7 @@ impl Job<'_> {
         let seen = is_smooth.then_some(visible.ids);
         let mut leaves = self.assemble(&refiner, pixels, &picture, options.effort.preview, seen);
         let between = is_smooth.then(|| {
-            let Subject { direct, veils } = &subject;
+            let Subject { direct, veils, .. } = &subject;
             let classes = &traced.classes;
             let search = Search {
                 scene,

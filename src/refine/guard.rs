@@ -1,14 +1,16 @@
 //! The shaft guard (design §6): whether anything stands between the rays of a face's corners, though all three meet
-//! one target. No ray is traced.
+//! one target, or between what they meet and a light that reaches it. No ray is traced.
 
 use glam::Vec3;
 
 use super::predict::mean_square;
+use crate::scene::{Light, LightKind};
 use crate::trace::sample::{Context, Node};
-use crate::trace::{Appearance, Surface, shade};
+use crate::trace::shade::{self, MASK_LIGHTS};
+use crate::trace::{Appearance, Surface};
 
-/// Share of a segment's length that is left out at its far end, where it touches its target.
-pub(super) const END: f32 = 1e-3;
+/// Share of a segment's length that is left out where it touches what it joins.
+const END: f32 = 1e-3;
 
 /// Squared contribution of what enters a shaft beyond which nothing brighter is looked for.
 const ENOUGH: f32 = 0.01;
@@ -120,6 +122,41 @@ pub fn entered(
         },
     );
     (most >= least).then_some(most)
+}
+
+/// Whether a face of another target may throw a shadow in between what `nodes`, of one target, meet, though a light reaches all
+/// three.
+pub fn shadowed(context: &Context, nodes: [&Node; 3]) -> bool {
+    let scene = context.tracer.scene();
+    if !context.settings.shadows.apply(false, 1) || nodes.iter().any(|node| !node.length.is_finite()) {
+        return false;
+    }
+    let lit = nodes.iter().fold(u32::MAX, |lit, node| lit & node.lit);
+    let hits = nodes.map(|node| node.origin + node.direction * node.length);
+    let lights = scene.lights.iter().take(MASK_LIGHTS).enumerate();
+    lights.filter(|(index, _)| lit >> index & 1 == 1).any(|(_, light)| {
+        let [starts, ends] = to_light(context, light, hits);
+        let shaft = Shaft::new(starts, ends);
+        context.tracer.any_face(
+            |low, high| shaft.meets_box(low, high),
+            |face| {
+                nodes[0].target != context.targets.of(face)
+                    && shaft.meets_triangle(scene.geometry.corners(face))
+            },
+        )
+    })
+}
+
+/// The ways from `points` to `light`, all starts and all ends: off what the points lie on, where others touch it, and off the
+/// light, which may stand in a lamp.
+pub(super) fn to_light(context: &Context, light: &Light, points: [Vec3; 3]) -> [[Vec3; 3]; 2] {
+    let ends = match light.kind {
+        LightKind::Point { position, .. } | LightKind::Spot { position, .. } => [position; 3],
+        LightKind::Directional { direction } => {
+            points.map(|point| point - direction * context.tracer.diagonal())
+        }
+    };
+    [END, 1.0 - END].map(|share| [0, 1, 2].map(|i| points[i].lerp(ends[i], share)))
 }
 
 /// Radiance that `face` may send back along `direction`: unshadowed, and without its base colour's texture.

@@ -52,8 +52,8 @@ const SPECULAR_BETWEEN: f32 = 0.1;
 const LATTICE: u32 = 7;
 
 /// Largest angle between the normals of a face's corners, in radians, at which its shafts are looked into. What hides is
-/// hidden by the size of flat faces; on curved ones samples lie close, and looking into their shafts made refinement
-/// three to ten times as long and found nothing (docs/samples.md).
+/// hidden by the size of flat faces; on curved ones samples lie close, and looking into their shafts costs a few hundredths of
+/// the frame for what is thinner than their distance alone (docs/samples.md).
 pub(super) const FLAT: f32 = 0.01;
 
 /// Bounces of paths whose last segments are looked into between flat faces' corners.
@@ -67,8 +67,8 @@ const NEGLIGIBLE: f32 = (0.5 / 255.0) * (0.5 / 255.0);
 const KNOWN_COLOR: f32 = 1e-8;
 const KNOWN_SHIFT: f32 = 1e-2;
 
-/// Paths of one bounce, with the one target that they meet from all corners, into whose shafts nothing reaches: nor does
-/// anything into those of the halves, which lie within. One for each branch.
+/// Paths of one bounce, with the one target that they meet from all corners, into whose shafts nothing reaches, nor in between
+/// the target and its lights: nor does anything for the halves, whose shafts lie within. One for each branch.
 pub(super) type Clear = [Option<(u32, TargetId)>; 2];
 
 /// What a half takes over.
@@ -244,8 +244,8 @@ impl Refiner<'_> {
     }
 
     /// Squared contribution of the paths that meet what no corner tells, and of those of one bounce that seem to be known
-    /// although something stands between them; and the shafts that are clear: `known` are those of the face that this one is
-    /// half of.
+    /// although something stands between them or before their light; and the shafts that are clear: `known` are those of the
+    /// face that this one is half of.
     fn guarded(&self, face: u32, corners: [Corner; 3], known: Clear, rays: &mut Rays) -> (f32, Clear) {
         let (mut square, mut clear) = (0.0, Clear::default());
         if !self.predictor.shaft_guard {
@@ -283,6 +283,9 @@ impl Refiner<'_> {
                 shaft.is_none().then(|| self.lit_otherwise(face, nodes, rays)).flatten()
             {
                 square += seen.max(other);
+            } else if shaft.is_some() && !within && seen >= NEGLIGIBLE && guard::shadowed(self.context, nodes)
+            {
+                square += seen;
             } else if let Some(room) = clear.iter_mut().find(|room| room.is_none()) {
                 *room = shaft;
             }

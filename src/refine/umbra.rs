@@ -2,9 +2,8 @@
 
 use glam::Vec3;
 
-use super::guard::{END, Shaft};
+use super::guard::{Shaft, to_light};
 use super::{Refiner, predict, samples};
-use crate::scene::{Light, LightKind};
 use crate::trace::sample::Context;
 use crate::trace::{Appearance, Rays, shade};
 
@@ -19,6 +18,9 @@ const OPENED: f32 = 1.5;
 
 /// Parts of its edges between the points at which a smaller one is asked for light.
 const LATTICE: u32 = 4;
+
+/// Distance from a face's plane, as a share of its edges, of what lies in it.
+const IN_PLANE: f32 = 1e-3;
 
 impl Refiner<'_> {
     /// Squared contribution of the lights whose shadows may have a border between the corners of the flat `face`, of `size`
@@ -45,7 +47,7 @@ impl Refiner<'_> {
             if (even | differ | hidden) & bit != 0 {
                 continue;
             }
-            let [starts, ends] = to_light(light, points, tracer.diagonal());
+            let [starts, ends] = to_light(self.context, light, points);
             let has_border = match a & bit {
                 0 => size >= OPENED * large || self.is_lit_between(starts, ends, rays),
                 _ => self.is_entered(&Shaft::new(starts, ends), points),
@@ -96,20 +98,10 @@ impl Refiner<'_> {
     }
 }
 
-/// The ways from the corners of a face to `light`, all starts and all ends; one to a directional light is `far` long.
-fn to_light(light: &Light, points: [Vec3; 3], far: f32) -> [[Vec3; 3]; 2] {
-    let ends = match light.kind {
-        LightKind::Point { position, .. } | LightKind::Spot { position, .. } => [position; 3],
-        LightKind::Directional { direction } => points.map(|point| point - direction * far),
-    };
-    // Off the face, where others touch it, and off the light, which may stand in a lamp.
-    [END, 1.0 - END].map(|share| [0, 1, 2].map(|i| points[i].lerp(ends[i], share)))
-}
-
 /// Whether a face with corners `other` is not in the plane of the one with corners `points`.
 fn stands_before(points: [Vec3; 3], other: [Vec3; 3]) -> bool {
     let [a, b, c] = points;
     let normal = (b - a).cross(c - a).normalize_or_zero();
-    let flat = END * (b - a).length().max((c - a).length());
+    let flat = IN_PLANE * (b - a).length().max((c - a).length());
     other.iter().any(|point| (*point - a).dot(normal).abs() > flat)
 }
