@@ -294,6 +294,80 @@ fn reflected_shadows_at_the_rim_of_a_light_are_dark() {
     gpu.finish();
 }
 
+/// Crescents of balls in the light of a lamp that nothing else reaches, as a mirror shows them: corners see dark sides of balls or
+/// the dark behind them.
+#[test]
+fn lit_crescents_in_the_dark_are_seen_in_mirrors() {
+    let gpu = TestGpu::open();
+    let mut builder = SceneBuilder::new("crescents in a mirror");
+    let white = builder.material(matte("white"));
+    let silver = builder.material(chrome("silver", Vec3::splat(0.9)));
+    let left = shape::plane(vec3(-4.0, -2.0, 4.0), Vec3::NEG_Z * 8.0, Vec3::Y * 6.0, 1.0);
+    builder.mesh("mirror", left, silver);
+    for (i, radius) in [0.5, 0.3, 0.7, 0.2].into_iter().enumerate() {
+        let centre = vec3(1.5, 0.6 + 0.4 * (i % 2) as f32, i as f32 * 1.3 - 2.6);
+        builder.mesh("ball", shape::sphere(centre, radius, 4), white);
+    }
+    let kind = LightKind::Point { position: vec3(3.2, 2.4, 0.3), range: 6.0 };
+    builder.light(Light { name: "lamp".into(), kind, intensity: Vec3::splat(8.0) });
+    builder.background(Background::Color(Vec3::ZERO));
+    let mut scene = builder.build().unwrap();
+    let mut worst = 0;
+    for eye in [vec3(-1.0, 1.2, 2.0), vec3(0.0, 1.0, -3.0), vec3(-2.0, 2.0, 0.5), vec3(0.5, 0.3, 3.0)] {
+        scene.cameras = vec![Camera::look_at(eye, vec3(-4.0, 0.8, 0.0), 1.1)];
+        worst = worst.max(wrong(&gpu, &scene, &options(320, 256)));
+    }
+    assert!(worst < 40, "{worst} pixels are wrong");
+    gpu.finish();
+}
+
+/// Shadows of small things on a floor, and light that falls through a hole in one above it.
+#[test]
+fn shadows_between_corners_that_are_lit_alike_are_found() {
+    let gpu = TestGpu::open();
+    let shades = |with: fn(&mut SceneBuilder, MaterialId)| {
+        let mut builder = SceneBuilder::new("shades on a floor");
+        let white = builder.material(matte("white"));
+        let red = builder.material(matte("red").colored(vec3(0.8, 0.1, 0.1)));
+        let floor = shape::plane(vec3(-4.0, 0.0, 4.0), Vec3::X * 8.0, Vec3::NEG_Z * 8.0, 1.0);
+        builder.mesh("floor", floor, white);
+        builder.point_light(vec3(0.43, 5.0, 0.42), Vec3::splat(60.0));
+        with(&mut builder, red);
+        builder.build().unwrap()
+    };
+    let beads = shades(|builder, red| {
+        for i in 0..5 {
+            let centre = vec3(i as f32 * 0.83 - 1.7, 2.5, (i * i) as f32 * 0.21 - 1.9);
+            builder.mesh("bead", shape::sphere(centre, 0.07, 2), red);
+        }
+    });
+    let hole = shades(|builder, red| {
+        for [low, high] in [[[-3.0, -3.0], [3.0, -0.03]], [[-3.0, 0.03], [3.0, 3.0]]] {
+            let [from, to] = [low, high].map(|[x, z]| vec3(x, 3.0, z));
+            builder.mesh("cover", shape::cuboid(from, to + Vec3::Y * 0.01, 1.0), red);
+        }
+        for [low, high] in [[[-3.0, -0.03], [-0.03, 0.03]], [[0.03, -0.03], [3.0, 0.03]]] {
+            let [from, to] = [low, high].map(|[x, z]| vec3(x, 3.0, z));
+            builder.mesh("cover", shape::cuboid(from, to + Vec3::Y * 0.01, 1.0), red);
+        }
+    });
+    for mut scene in [beads, hole] {
+        let (mut worst, mut unlooked) = (0, 0);
+        for eye in [vec3(-2.3, 1.9, 3.2), vec3(1.3, 1.4, 2.6), vec3(3.1, 2.2, -0.7)] {
+            scene.cameras = vec![Camera::look_at(eye, vec3(0.1, 0.0, -0.3), 0.9)];
+            let mut options = options(320, 256);
+            worst = worst.max(wrong(&gpu, &scene, &options));
+            options.effort.shaft_guard = false;
+            unlooked = unlooked.max(wrong(&gpu, &scene, &options));
+        }
+        assert!(
+            worst < 10 && unlooked >= 20,
+            "{worst} pixels are wrong, {unlooked} where nothing is looked for"
+        );
+    }
+    gpu.finish();
+}
+
 /// The corners of a mirror lie in its frame, and those of a floor in the light: a preview bisects what is large.
 #[test]
 fn previews_look_into_large_faces() {

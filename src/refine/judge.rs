@@ -46,6 +46,10 @@ const HOPELESS_SHARE: f32 = 0.25;
 /// exploration it does not fade, since what stands there does not go away.
 const GUARDED: f32 = 0.05;
 
+/// The same, as a part of that share, where a shadow may fall between corners that are lit alike: so little that it does not
+/// take precedence over exploration, which finds what nothing points to, before it counts as much as an end of refinement lets.
+const SHADOWED: f32 = 0.04;
+
 /// Squared contribution expected of a face that is specular between its corners alone, and parts of its edges between the
 /// points at which it is looked at.
 const SPECULAR_BETWEEN: f32 = 0.1;
@@ -150,7 +154,7 @@ impl Refiner<'_> {
                 let own = self.predictor.face(corners, size, hidden, || self.shadowed(face));
                 let state = State {
                     deviation: own.plus(deviation),
-                    guarded: entered + shadowed,
+                    guarded: entered + SHADOWED * shadowed,
                     clear,
                     even,
                     pixels,

@@ -309,6 +309,10 @@ impl Predictor<'_> {
         let whole = || contribution_of(&nodes.map(Some), self);
         let mut loss = 0.0_f32;
         let Some(shape) = Shape::of(&nodes, self.targets) else { return Some(whole()) };
+        // Where light ends on a curved surface, no corner says.
+        if shape == Shape::Chart && nodes.iter().any(|node| node.is_dark()) {
+            return Some(whole()).filter(|&square| square > 0.0);
+        }
         if matches!(shape, Shape::Planes { .. }) {
             if self.reconstruction == Reconstruction::Paper || touches(nodes) {
                 return Some(whole());

@@ -120,6 +120,11 @@ impl Node {
         self.bounces == 1 && !self.absorbed
     }
 
+    /// Whether its target shows nothing.
+    pub fn is_dark(&self) -> bool {
+        !shows(self.local)
+    }
+
     /// Radiance that reaches the eye by this node.
     pub fn radiance(&self) -> Vec3 {
         self.throughput * self.local.radiance(self.texel)
