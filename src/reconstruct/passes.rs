@@ -8,7 +8,6 @@ use std::sync::Arc;
 use glam::Vec3;
 
 use super::bank::Bank;
-use super::between::BetweenLeaves;
 use super::drawn::Drawn;
 use super::frame_block::FrameBlock;
 use super::leaves::{self, Group};
@@ -48,12 +47,14 @@ mod base_image;
 mod describe;
 mod list;
 mod pipelines;
+mod plain;
 mod target;
 
 pub use background::clear_color;
 pub use describe::{BaseDraw, BaseFaces, ColorPass, Drawing, PassOptions, color_passes};
 use list::LeafList;
 use pipelines::{PipelineKey, leaf_key};
+use plain::Between;
 use target::Target;
 pub use target::TargetDesc;
 
@@ -200,63 +201,6 @@ impl Painter {
         };
         leaves.hand_over(self.dynamic.insert(list).writer(&mut self.uploads))?;
         self.uploads.flush()
-    }
-
-    /// Hands over what only several samples a pixel show, for the draws until it is [forgotten](Self::forget_between); whether
-    /// it takes the place of the picture of pixels beside the mesh.
-    ///
-    /// # Errors
-    /// No device memory left; a lost device.
-    pub fn upload_between(&mut self, leaves: &BetweenLeaves, replaces_picture: bool) -> Result<()> {
-        let parts: [&[u8]; 3] = [
-            bytemuck::cast_slice(&leaves.vertices),
-            bytemuck::cast_slice(&leaves.leaves),
-            bytemuck::cast_slice(&leaves.texels),
-        ];
-        let bytes = parts.map(|part| part.len() as u64);
-        let list = match self.between.take().map(|between| between.list).filter(|list| list.fits(bytes)) {
-            Some(list) => list,
-            None => LeafList::new(&self.gpu, &self.layouts[1], ("between", true), bytes)?,
-        };
-        let mut write = list.writer(&mut self.uploads);
-        (0..).zip(parts).try_for_each(|(buffer, part)| write(buffer, part))?;
-        drop(write);
-        self.uploads.flush()?;
-        self.between = Some(Between {
-            list,
-            inside: leaves.inside,
-            count: leaves.leaves.len() as u32,
-            replaces_picture,
-        });
-        Ok(())
-    }
-
-    /// Draws without it again.
-    pub fn forget_between(&mut self) {
-        if let Some(between) = &mut self.between {
-            (between.inside, between.count, between.replaces_picture) = (0, 0, false);
-        }
-    }
-
-    /// Draws the plain picture of the frame, of one sample a pixel, and reads it.
-    ///
-    /// # Errors
-    /// No device memory left; a lost device.
-    pub fn draw_plain(
-        &mut self,
-        block: &FrameBlock,
-        leaves: Option<&Drawn>,
-        passes: &[ColorPass],
-    ) -> Result<FloatImage> {
-        std::mem::swap(&mut self.target, &mut self.plain_target);
-        let samples = std::mem::replace(&mut self.samples, 1);
-        self.is_plain = true;
-        self.fresh_base = None;
-        let image = self.draw(block, leaves, passes).and_then(|_| self.read_image());
-        self.samples = samples;
-        self.is_plain = false;
-        std::mem::swap(&mut self.target, &mut self.plain_target);
-        image
     }
 
     /// Lets draws touch a single pixel until this is taken back: what they need is compiled, next to nothing drawn.
@@ -517,23 +461,6 @@ impl Painter {
 
     fn depth_format(&self) -> Format {
         depth_format(self.options.single_pass)
-    }
-}
-
-/// Faces between the centres of pixels, as they were handed over.
-struct Between {
-    list: LeafList,
-    /// How many, the first ones, the frustum does not clip.
-    inside: u32,
-    /// How many are drawn.
-    count: u32,
-    replaces_picture: bool,
-}
-
-impl Between {
-    fn draws(&self) -> impl Iterator<Item = Range<u32>> {
-        let (inside, cut) = (self.inside, self.count);
-        clusters::split(0..inside, false).chain(clusters::split(inside..cut, true))
     }
 }
 

@@ -46,8 +46,8 @@ const HOPELESS_SHARE: f32 = 0.25;
 /// exploration it does not fade, since what stands there does not go away.
 const GUARDED: f32 = 0.05;
 
-/// The same, as a part of that share, where a shadow may fall between corners that are lit alike: so little that it does not
-/// take precedence over exploration, which finds what nothing points to, before it counts as much as an end of refinement lets.
+/// A part of that share where a shadow may fall between corners that are lit alike: far more than the end of refinement lets
+/// stand, and little beside exploration, which goes first, for nothing else finds what it finds.
 const SHADOWED: f32 = 0.04;
 
 /// Squared contribution expected of a face that is specular between its corners alone, and parts of its edges between the
@@ -71,8 +71,8 @@ const NEGLIGIBLE: f32 = (0.5 / 255.0) * (0.5 / 255.0);
 const KNOWN_COLOR: f32 = 1e-8;
 const KNOWN_SHIFT: f32 = 1e-2;
 
-/// Paths of one bounce, with the one target that they meet from all corners, into whose shafts nothing reaches, nor in between
-/// the target and its lights: nor does anything for the halves, whose shafts lie within. One for each branch.
+/// Paths, with the one target that they meet from all corners, into whose shafts nothing reaches, nor in between
+/// the target and its lights: nor does anything for the halves, whose shafts lie within. As many as there is room for.
 pub(super) type Clear = [Option<(u32, TargetId)>; 2];
 
 /// What a half takes over.
@@ -145,12 +145,12 @@ impl Refiner<'_> {
                 let shown = size * self.stretch(face);
                 let mut rays = Rays::default();
                 let (entered, clear) = self.guarded(face, corners, clear, &mut rays);
+                let hidden = self.lights_behind(face);
                 let (shadowed, even) = match self.predictor.shaft_guard && predict::curvature(corners) <= FLAT
                 {
-                    true => self.shadows_between(face, size, even, &mut rays),
+                    true => self.shadows_between(face, size, [even, hidden], &mut rays),
                     false => (0.0, even),
                 };
-                let hidden = self.lights_behind(face);
                 let own = self.predictor.face(corners, size, hidden, || self.shadowed(face));
                 let state = State {
                     deviation: own.plus(deviation),
@@ -247,7 +247,7 @@ impl Refiner<'_> {
         }
     }
 
-    /// Squared contribution of the paths that meet what no corner tells, and of those of one bounce that seem to be known
+    /// Squared contribution of the paths that meet what no corner tells, and of those of few bounces that seem to be known
     /// although something stands between them or before their light; and the shafts that are clear: `known` are those of the
     /// face that this one is half of.
     fn guarded(&self, face: u32, corners: [Corner; 3], known: Clear, rays: &mut Rays) -> (f32, Clear) {
@@ -298,7 +298,7 @@ impl Refiner<'_> {
     }
 
     /// Lights that the face hides itself.
-    pub(super) fn lights_behind(&self, face: u32) -> u32 {
+    fn lights_behind(&self, face: u32) -> u32 {
         let Context { tracer, settings, view, .. } = *self.context;
         shade::lights_behind(tracer.scene(), settings.shadows, view, self.mesh.faces[face as usize].base)
     }

@@ -25,8 +25,14 @@ const IN_PLANE: f32 = 1e-3;
 impl Refiner<'_> {
     /// Squared contribution of the lights whose shadows may have a border between the corners of the flat `face`, of `size`
     /// pixels, which is lit alike at all of them; and the lights that are not to be asked of its halves, as those that are `even`
-    /// in it are not of itself: bit i stands for light i.
-    pub(super) fn shadows_between(&self, face: u32, size: f32, even: u32, rays: &mut Rays) -> (f32, u32) {
+    /// in it, or that it hides itself, are not of it: bit i stands for light i.
+    pub(super) fn shadows_between(
+        &self,
+        face: u32,
+        size: f32,
+        [even, hidden]: [u32; 2],
+        rays: &mut Rays,
+    ) -> (f32, u32) {
         let Context { tracer, settings, view, .. } = *self.context;
         let scene = tracer.scene();
         let base = self.mesh.faces[face as usize].base;
@@ -38,7 +44,6 @@ impl Refiner<'_> {
         let corners = self.mesh.faces[face as usize].corners;
         let [a, b, c] = corners.map(|corner| self.samples.get(corner).primary.lit);
         let differ = (a ^ b) | (b ^ c);
-        let hidden = self.lights_behind(face);
         let points = corners.map(|corner| self.mesh.position(corner));
         let mut square = 0.0;
         let mut even_in_halves = if is_large { even | !differ } else { shade::ALL_LIT };
