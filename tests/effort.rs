@@ -10,11 +10,11 @@ use vertex_tracing::{
     report::metrics::{Encoding, compare},
     scene::{
         Camera, Material,
-        demo::{Demo, SceneBuilder, chrome, matte, shape, stress},
+        demo::{Demo, SceneBuilder, chrome, matte, shape, stress, texture},
     },
 };
 
-use common::{TestGpu, image, options, over_vt, psnr, traced};
+use common::{TestGpu, image, options, over_vt, psnr, traced, wrong};
 
 #[test]
 fn dense_meshes_cost_no_more_than_conventional_tracing() {
@@ -114,6 +114,35 @@ fn a_larger_error_takes_fewer_rays() {
             before = (rays, rmse);
         }
     }
+    gpu.finish();
+}
+
+/// Lit gaps of a pixel or less between mirror tiles: no corner sees them, and nothing predicts them.
+#[test]
+fn an_error_of_zero_looks_everywhere() {
+    let gpu = TestGpu::open();
+    let mut builder = SceneBuilder::new("tiles");
+    let chess = builder.texture(texture::chessboard(16));
+    let floor = builder.material(matte("floor").textured(chess));
+    let silver = builder.material(chrome("silver", Vec3::splat(0.9)));
+    let dark = builder.material(matte("dark").colored(Vec3::splat(0.1)));
+    builder.mesh("floor", shape::plane(vec3(-4.0, 0.0, 4.0), Vec3::X * 8.0, Vec3::NEG_Z * 8.0, 1.0), floor);
+    builder.mesh("back", shape::plane(vec3(-4.0, 0.0, -4.0), Vec3::X * 8.0, Vec3::Y * 4.0, 1.0), dark);
+    for tile in 0..64 {
+        let [x, z] = [tile % 8, tile / 8].map(|at| 0.4 * at as f32 - 1.6);
+        let plane = shape::plane(vec3(x, 0.02, z + 0.4), Vec3::X * 0.388, Vec3::NEG_Z * 0.388, 1.0);
+        builder.mesh("tile", plane, silver);
+    }
+    builder.point_light(vec3(1.0, 3.0, 1.0), Vec3::splat(20.0));
+    builder.camera(Camera::look_at(vec3(0.4, 1.6, 3.2), vec3(0.0, 0.3, 0.0), 0.8));
+    let scene = builder.build().unwrap();
+    let mut options = options(320, 256);
+    let counts = [0.5, 0.1, 0.0].map(|error| {
+        options.effort.error = Some(error);
+        wrong(&gpu, &scene, &options)
+    });
+    println!("{counts:?} pixels are wrong at 0.5, 0.1 and 0");
+    assert!(counts[1] < counts[0] && counts[2] < 5, "{counts:?} pixels are wrong at 0.5, 0.1 and 0");
     gpu.finish();
 }
 

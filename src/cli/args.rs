@@ -113,7 +113,7 @@ pub struct EffortArgs {
     #[arg(long, conflicts_with_all = ["error", "max_samples", "budget"])]
     pub preview: bool,
     /// Refine until reflections are predicted to be displaced by no more than this, and colours to be off by no more
-    /// than 0.0003 of it
+    /// than 0.0003 of it; 0 leaves no pixel untraced
     /// [default: 0.5; beside --max-samples or --budget none]
     #[arg(long, value_name = "PIXELS", value_parser = values::non_negative, allow_negative_numbers = true)]
     pub error: Option<f32>,

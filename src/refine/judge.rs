@@ -26,6 +26,10 @@ const BLIND: f32 = 0.1;
 /// predictions of demo scenes at few samples have it (tests/effort.rs).
 const UNSEEN: f32 = 0.0005;
 
+/// The same of a face whose samples are trusted: little enough for the default `--error` to stand hardly above what is known,
+/// and something, so that a smaller one looks further, and one of 0 everywhere.
+const UNEXPLORED: f32 = 1.5e-7;
+
 /// Bounces up to which that holds, and the least throughput of paths of more.
 const FEW_BOUNCES: u8 = 2;
 const SEEN: f32 = 0.1;
@@ -237,13 +241,15 @@ impl Refiner<'_> {
         deviation.color + GUARDED * guarded
     }
 
-    /// The same for what they do not say, if it is blind: in proportion to its size, for what hides between samples is as
-    /// large at most.
+    /// The same for what they do not say: in proportion to its size, for what hides between samples is as large at most.
     fn unseen(&self, face: u32) -> f32 {
-        match self.state[face as usize] {
-            _ if !self.is_blind(face) => 0.0,
-            _ if self.is_mapped(face) => EXPLORE,
-            State { size, .. } => UNSEEN * (size / self.reach()).min(1.0),
+        let State { size, pixels, blind, traced, .. } = self.state[face as usize];
+        let share = (size / self.reach()).min(1.0);
+        match blind {
+            _ if pixels == 0.0 || traced => 0.0,
+            true if self.is_mapped(face) => EXPLORE,
+            true => UNSEEN * share,
+            false => UNEXPLORED * share,
         }
     }
 

@@ -78,11 +78,9 @@ pub struct Trial {
 impl Trial {
     /// A picture of `scene` with default options and no truth but the reference tracer.
     ///
-    /// Refined to the end: what remains is numerics, not a shortage of samples.
+    /// Not refined to the end, where every pixel is traced and nothing reconstructed.
     pub fn new(scene: Scene) -> Self {
-        let mut options = Options::default();
-        options.effort.error = Some(0.0);
-        Self { scene, options, size: None, truth: Truth::Unknown }
+        Self { scene, options: Options::default(), size: None, truth: Truth::Unknown }
     }
 
     /// The picture with something to be held against.
