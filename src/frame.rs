@@ -95,13 +95,15 @@ const WARM_UP_SHADED: u32 = 4;
 /// Bytes of a pixel of the picture, three floats.
 pub(crate) const PICTURE_BYTES: u64 = 12;
 
-/// The image after a refinement step; the first is the preview, before any, as far as half of the samples that are allowed
-/// take it.
+/// The image after a refinement step; the first is the preview, before any, as far as the samples that are allowed take
+/// it, half of them where they are spared.
 pub struct Step {
     /// Steps taken.
     pub number: u32,
-    /// Vertices traced.
+    /// All that counts against a budget, as in [`Stats::samples`].
     pub samples: u64,
+    /// Vertices sampled.
+    pub vertices: u64,
     /// Secondary rays: reflected and transmitted ones of vertices, and all of pixels that are traced one by one.
     pub secondary_rays: u64,
     /// Predicted RMS displacement of what is reflected, in pixels over VT pixels.
@@ -224,7 +226,8 @@ impl<'s> Renderer<'s> {
     fn touch(&mut self, view: &View) -> Result<()> {
         let effort = self.options.effort.clone();
         let samples = effort.max_samples.map_or(WARM_UP_SAMPLES, |most| most.min(WARM_UP_SAMPLES));
-        self.options.effort = EffortOptions { max_samples: Some(samples), budget: None, ..effort.clone() };
+        self.options.effort =
+            EffortOptions { max_samples: Some(samples), sparing: true, budget: None, ..effort.clone() };
         let kept = self.samples.take();
         self.warming_up = true;
         self.painted.painter.touch_only(true);
@@ -369,7 +372,8 @@ impl<'s> Renderer<'s> {
                 painter.draw(block, Some(leaves), &plan.passes_for(leaves.components()).0)?;
                 observer(&Step {
                     number: refiner.steps,
-                    samples: refiner.samples.sampled(),
+                    samples: refiner.cost(),
+                    vertices: refiner.samples.sampled(),
                     secondary_rays: refiner.samples.rays.secondary() + pixel_rays.total(),
                     predicted_error: refiner.predicted().0,
                     image: painter.read_image()?,

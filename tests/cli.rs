@@ -93,6 +93,8 @@ fn wrong_usage_exits_2() {
             "cannot be used with --visibility",
         ),
         (&["render", "s.glb", "--preview", "--max-samples", "5"], "cannot be used with"),
+        (&["render", "s.glb", "--sparing"], "--max-samples <N>"),
+        (&["render", "s.glb", "--sparing", "--max-samples", "5", "--budget", "5"], "cannot be used with"),
         (&["render", "s.glb", "--fov", "-5"], "not a number between 0 and 180 degrees"),
         (&["render", "s.glb", "--error", "-1"], "not a number 0 or more"),
         (&["render", "s.glb", "--background", "-1,0,0"], "a colour is not negative"),
@@ -183,6 +185,8 @@ fn help_and_version_are_results() {
         ("--depth <", "0 to 255"),
         ("--threads <", "1 to 1024"),
         ("--max-samples <", "vertices of visible faces"),
+        ("--max-samples <", "--budget ended make the same picture"),
+        ("--sparing", "it takes longer"),
         ("--budget <", "one drawing"),
     ] {
         let line = text(&help).split(option).nth(1).unwrap().split("\n      --").next().unwrap();

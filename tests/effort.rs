@@ -154,7 +154,7 @@ fn few_samples_go_farther_than_the_papers() {
         let scene = demo.scene();
         let mut options = options(1280, 1024);
         options.scene.shadows = Shadows::None;
-        options.effort.max_samples = Some(12_000);
+        (options.effort.max_samples, options.effort.sparing) = (Some(12_000), true);
         let truth = traced(&scene, &options, 1, None);
         let [exact, paper] = [Reconstruction::Exact, Reconstruction::Paper].map(|reconstruction| {
             options.method.reconstruction = reconstruction;
@@ -177,7 +177,7 @@ fn the_error_is_predicted_within_a_factor_of_two() {
         options.scene.shadows = Shadows::None;
         let truth = traced(&scene, &options, 1, None);
         for samples in [2_000, 6_000] {
-            options.effort.max_samples = Some(samples);
+            (options.effort.max_samples, options.effort.sparing) = (Some(samples), true);
             let frame = gpu.render(&scene, &options);
             let shown = |c: &[f32; 3]| Vec3::from(*c).clamp(Vec3::ZERO, Vec3::ONE);
             let squares = |(a, b): (&[f32; 3], &[f32; 3])| (shown(a) - shown(b)).length_squared() / 3.0;

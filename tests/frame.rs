@@ -328,13 +328,14 @@ fn options_out_of_range_are_refused_by_name() {
     let gpu = TestGpu::open();
     let scene = Demo::Cup.scene();
     type Wrong = (fn(&mut Options), &'static str);
-    let wrong: [Wrong; 9] = [
+    let wrong: [Wrong; 10] = [
         (|o| o.view.width = 0, "--size 0x48"),
         (|o| o.view.fov = Some(400.0), "--fov 400"),
         (|o| o.view.fov = Some(f32::NAN), "--fov NaN"),
         (|o| o.method.nodes = 0, "--nodes 0"),
         (|o| o.effort.error = Some(f32::NAN), "--error NaN"),
         (|o| o.effort.error = Some(-1.0), "--error -1"),
+        (|o| o.effort.sparing = true, "--sparing plans for the samples of --max-samples"),
         (|o| o.paths.depth = 256, "--depth 256"),
         (|o| o.paths.min_throughput = 2.0, "--min-throughput 2"),
         (
@@ -366,7 +367,7 @@ fn leaves_whose_pixels_are_traced_are_neither_defined_nor_undefined() {
     let gpu = TestGpu::open();
     let scene = Demo::Cup.scene();
     let pixel = gpu.render(&scene, &options(1, 1)).stats;
-    assert_eq!(pixel.samples, 0, "too small for a sample");
+    assert_eq!((pixel.vertices, pixel.samples), (0, 1), "too small for a vertex");
     assert_eq!((pixel.faces.defined, pixel.faces.undefined), (0, 0), "{:?}", pixel.faces);
     assert!(pixel.faces.traced > 0, "{:?}", pixel.faces);
     let all = gpu.render(&scene, &options(160, 120)).stats.faces;

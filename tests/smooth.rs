@@ -59,7 +59,7 @@ fn pictures_are_nearer_to_many_samples_with_fewer_rays() {
             "sixteen where it matters are as good as four everywhere"
         );
         assert!(3 * rays[2] < 2 * all_sixteen);
-        assert!(frames.iter().all(|frame| frame.stats.samples == frames[0].stats.samples), "same vertices");
+        assert!(frames.iter().all(|frame| frame.stats.samples == frames[0].stats.samples), "same samples");
         assert_eq!(frames[0].stats.time_ms.smooth, 0.0);
         assert!(frames[1].stats.time_ms.smooth > 0.0);
     }

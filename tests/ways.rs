@@ -152,7 +152,7 @@ fn a_single_pass_shown_step_by_step_ends_in_the_same_picture() {
     let view = view(&scene, 120, 96);
     let gpu = TestGpu::open();
     let mut options = options(VisibilityWay::SinglePass);
-    options.effort.max_samples = Some(1500);
+    (options.effort.max_samples, options.effort.sparing) = (Some(1500), true);
     let mut renderer = Renderer::new(&gpu, &scene, &options).unwrap();
     let whole = renderer.render(&view).unwrap().image;
     let mut steps = 0;

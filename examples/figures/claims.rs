@@ -44,7 +44,7 @@ fn speed(lab: &Lab) -> Result<Vec<Claim>> {
         let measured = format!(
             "{factor:.1}×: {:.0} ms with {} samples and {} rays, conventional {:.0} ms with {} rays",
             frame.stats.time_ms.frame,
-            frame.stats.samples,
+            frame.stats.vertices,
             frame.stats.rays.total,
             conventional.ms,
             conventional.rays
@@ -52,7 +52,7 @@ fn speed(lab: &Lab) -> Result<Vec<Claim>> {
         Claim { claim, measured, judged, holds: factor >= wanted }
     };
     let rays = conventional.rays as f64 / full.stats.rays.total as f64;
-    let (samples, pixels) = (full.stats.samples, f64::from(FULL.0) * f64::from(FULL.1));
+    let (samples, pixels) = (full.stats.vertices, f64::from(FULL.0) * f64::from(FULL.1));
     Ok(vec![
         claim(
             "The cup's preview is 98 times as fast as conventional ray tracing (§5: 130 ms to 12.7 s)",
@@ -107,7 +107,7 @@ fn complexity(lab: &Lab) -> Result<Claim> {
         let frame = lab.measure(&scene, &preview)?;
         let times = frame.stats.time_ms;
         let sampled = times.visibility + times.trace + times.refine;
-        Ok((frame.stats.samples as f64, sampled, lab.conventional(&scene, &preview)?.ms))
+        Ok((frame.stats.vertices as f64, sampled, lab.conventional(&scene, &preview)?.ms))
     };
     let ((samples, ms, conventional), (more, more_ms, more_conventional)) =
         (measure(4_000)?, measure(64_000)?);
@@ -144,15 +144,15 @@ fn textures(lab: &Lab) -> Result<Claim> {
         claim: "The preview takes as long with textures as without (§5)",
         measured: format!(
             "{} samples and {} rays in {:.0} ms with textures, {} and {} in {:.0} ms without",
-            with.samples,
+            with.vertices,
             with.rays.total,
             with.time_ms.frame,
-            without.samples,
+            without.vertices,
             without.rays.total,
             without.time_ms.frame
         ),
         judged: "the same samples and rays, and at most 1.1 times the time",
-        holds: with.samples == without.samples
+        holds: with.vertices == without.vertices
             && with.rays.total == without.rays.total
             && with.time_ms.frame <= 1.1 * without.time_ms.frame,
     })
@@ -168,8 +168,8 @@ fn finer_textures(mut scene: Scene) -> Scene {
 
 fn mirrored_textures(lab: &Lab) -> Result<Claim> {
     let effort = options(HALF, PAPER, Effort::Error(3.0));
-    let coarse = lab.frame(&Demo::Sphere.scene(), &effort)?.stats.samples;
-    let fine = lab.frame(&finer_textures(Demo::Sphere.scene()), &effort)?.stats.samples;
+    let coarse = lab.frame(&Demo::Sphere.scene(), &effort)?.stats.vertices;
+    let fine = lab.frame(&finer_textures(Demo::Sphere.scene()), &effort)?.stats.vertices;
     Ok(Claim {
         claim: "Despite a texture's radiance variance, no denser sampling is necessary for its reflection (§5)",
         measured: format!(

@@ -97,7 +97,9 @@ pub fn options((width, height): (u32, u32), reconstruction: Reconstruction, effo
     options.method.reconstruction = reconstruction;
     match effort {
         Effort::Preview => options.effort.preview = true,
-        Effort::Samples(samples) => options.effort.max_samples = Some(samples),
+        Effort::Samples(samples) => {
+            (options.effort.max_samples, options.effort.sparing) = (Some(samples), true);
+        }
         Effort::Error(error) => options.effort.error = Some(error),
     }
     options

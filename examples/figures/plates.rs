@@ -68,13 +68,13 @@ impl<'a> Easel<'a> {
         let psnr = self.conventional.psnr(&frame.image)?;
         self.plate.rows.push(Row {
             what: what.into(),
-            samples: Some(stats.samples),
+            samples: Some(stats.vertices),
             rays: stats.rays.total,
             ms: stats.time_ms.frame,
             psnr: Some(psnr),
             faces: Some((stats.faces.defined, stats.faces.undefined)),
         });
-        let caption = format!("{what}: {} samples", stats.samples);
+        let caption = format!("{what}: {} samples", stats.vertices);
         self.picture(name, caption, frame.image.clone());
         Ok(frame)
     }

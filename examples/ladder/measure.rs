@@ -104,7 +104,7 @@ pub fn take_scene(gpu: &Arc<Gpu>, scene: &Scene, options: &Options, runs: u32) -
         counts: (&census).into(),
         census,
         rays: frame.stats.rays.total,
-        samples: frame.stats.samples,
+        samples: frame.stats.vertices,
         passes: frame.stats.passes.into_iter().map(|pass| pass.name).collect(),
         ms,
         image: frame.image,

@@ -122,7 +122,7 @@ impl Lab {
         };
         let mut smooth = options.clone();
         smooth.method.ss = Ss::Four;
-        smooth.effort.max_samples = Some(AA_SAMPLES);
+        (smooth.effort.max_samples, smooth.effort.sparing) = (Some(AA_SAMPLES), true);
         let smooth = Renderer::new(&self.gpu, scene, &smooth)?.render(view)?.image;
         let by_spp = SPP.into_iter().map(trace).collect::<Result<Vec<_>>>()?;
         let (last, others) = by_spp.split_last().expect("there is a truth");
@@ -142,6 +142,7 @@ impl Lab {
     ) -> Result<Curve> {
         let mut options = options.clone();
         options.method.reconstruction = reconstruction;
+        options.effort.sparing = true;
         let rows = BUDGETS
             .into_iter()
             .map(|budget| {
@@ -150,7 +151,7 @@ impl Lab {
                 let rays = &frame.stats.rays;
                 let rays = rays.reflected + rays.transmitted + rays.pixel;
                 let error = compare(&truth.image, &frame.image, Some(&truth.mask), Encoding::Srgb)?;
-                Ok(Row { samples: frame.stats.samples, rays, error })
+                Ok(Row { samples: frame.stats.vertices, rays, error })
             })
             .collect::<Result<_>>()?;
 
@@ -186,7 +187,7 @@ impl Lab {
         let ended = Renderer::new(&self.gpu, scene, &options)?.render_steps(
             view,
             Some(&mut |step| {
-                let (samples, rays) = (step.samples as f64, step.secondary_rays as f64);
+                let (samples, rays) = (step.vertices as f64, step.secondary_rays as f64);
                 let psnr = truth.psnr(&step.image);
                 for (target, reached) in TARGETS.into_iter().zip(&mut targets) {
                     if reached.is_none() && psnr >= target {
@@ -204,7 +205,7 @@ impl Lab {
                     at_vertices = (p + (psnr - p) * t, r * (rays / r.max(1.0)).powf(t));
                 }
                 last = Some((samples, rays, psnr));
-                if targets.iter().all(Option::is_some) && step.samples >= VERTICES {
+                if targets.iter().all(Option::is_some) && step.vertices >= VERTICES {
                     return Err(Error::Interrupted);
                 }
                 Ok(())

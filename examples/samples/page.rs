@@ -45,7 +45,7 @@ pub fn markdown(all: &[Measured], device: &str, files: &[String]) -> String {
     let _ = write!(
         page,
         "\n## Anti-aliasing without a ray\n\n\
-         RMSE against {} samples a pixel: `--ss 4 --max-samples {AA_SAMPLES}`, and the tracer with 1 to 4 a pixel.\n\n\
+         RMSE against {} samples a pixel: `--ss 4 --max-samples {AA_SAMPLES} --sparing`, and the tracer with 1 to 4 a pixel.\n\n\
          | scene | shadows | --ss 4 |",
         SPP[SPP.len() - 1]
     );

@@ -118,9 +118,13 @@ pub struct EffortArgs {
     #[arg(long, value_name = "PIXELS", value_parser = values::non_negative, allow_negative_numbers = true)]
     pub error: Option<f32>,
     /// Trace no more vertices, and pixels by themselves, than this; but the vertices of visible faces, which the first
-    /// picture needs, in any case
+    /// picture needs, in any case. The samples in the --stats of a frame that --budget ended make the same picture
     #[arg(long, value_name = "N", value_parser = values::count, allow_negative_numbers = true)]
     pub max_samples: Option<u64>,
+    /// Plan for the number of --max-samples, and make the most of each, not of time: while they are few, smaller faces are
+    /// bisected before their pixels are traced. For counting samples; for the same error it takes longer
+    #[arg(long, requires = "max_samples", conflicts_with = "budget")]
+    pub sparing: bool,
     /// Take no longer than this for the frame; but what a --preview takes, with its one drawing, in any case
     #[arg(long, value_name = "MS", value_parser = value_parser!(u32).range(1..), allow_negative_numbers = true)]
     pub budget: Option<u32>,
@@ -136,6 +140,7 @@ impl EffortArgs {
             preview: self.preview,
             error: self.error,
             max_samples: self.max_samples,
+            sparing: self.sparing,
             budget: self.budget.map(|ms| Duration::from_millis(ms.into())),
             shaft_guard: self.shaft_guard,
         }

@@ -222,6 +222,8 @@ mod tests {
             ("--preview --max-samples 5", "cannot be used with"),
             ("--preview --error 1", "cannot be used with"),
             ("--preview --budget 5", "cannot be used with"),
+            ("--sparing", "--max-samples <N>"),
+            ("--sparing --max-samples 5 --budget 5", "cannot be used with"),
             ("--camera a --eye 0,0,0", "cannot be used with"),
             ("--background 0,0,0 --environment sky.hdr", "cannot be used with"),
             ("--vt a --no-vt a", "contradict each other"),

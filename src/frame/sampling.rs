@@ -266,7 +266,8 @@ fn note_visible(stats: &mut Stats, visible: &Found) {
 
 /// What refinement came to.
 fn note_refined(stats: &mut Stats, refiner: &Refiner, stopped_by: StoppedBy) {
-    stats.samples = refiner.samples.sampled();
+    stats.samples = refiner.cost();
+    stats.vertices = refiner.samples.sampled();
     stats.reused = refiner.samples.reused;
     stats.steps = u64::from(refiner.steps);
     stats.stopped_by = Some(match stopped_by {

@@ -127,8 +127,13 @@ pub struct EffortOptions {
     /// [`DEFAULT_ERROR`], or no such limit beside another one.
     pub error: Option<f32>,
     /// Most vertices to trace, and pixels that are traced by themselves. The vertices of visible faces are in any case:
-    /// there is no picture without.
+    /// there is no picture without. [`Stats::samples`](crate::report::stats::Stats::samples) of a frame that `budget` ended,
+    /// all else the same, make its image again.
     pub max_samples: Option<u64>,
+    /// Whether `max_samples` are spent for what each of them shows, not for the time that it takes: the frame is planned
+    /// for their number, so that it is not what a `budget` makes of as many. Where they are less than half a sample for each
+    /// pixel of the refined faces, these are bisected down to 4 pixels, not 24, before their pixels are traced.
+    pub sparing: bool,
     /// Longest time for the frame, but not below that of a preview, with its one drawing: with it the image may differ from run to run, as it may where
     /// [`VisibilityWay::Auto`] finds two ways about equally fast.
     pub budget: Option<Duration>,
@@ -138,7 +143,14 @@ pub struct EffortOptions {
 
 impl Default for EffortOptions {
     fn default() -> Self {
-        Self { preview: false, error: None, max_samples: None, budget: None, shaft_guard: true }
+        Self {
+            preview: false,
+            error: None,
+            max_samples: None,
+            sparing: false,
+            budget: None,
+            shaft_guard: true,
+        }
     }
 }
 
@@ -148,18 +160,28 @@ pub const DEFAULT_ERROR: f32 = 0.5;
 impl EffortOptions {
     /// The predicted displacement, in pixels, at which refinement stops; `None` if only samples or time stop it.
     pub fn target(&self) -> Option<f32> {
-        let is_limited = self.max_samples.is_some() || self.budget.is_some();
-        self.error.or((!is_limited).then_some(DEFAULT_ERROR))
+        self.error.or((!self.is_limited()).then_some(DEFAULT_ERROR))
+    }
+
+    /// Whether samples or time limit the frame.
+    pub fn is_limited(&self) -> bool {
+        self.max_samples.is_some() || self.budget.is_some()
+    }
+
+    /// The limit of samples that the frame is planned for; `None` where they are not spared, or time may end it before.
+    pub fn spared_samples(&self) -> Option<u64> {
+        self.max_samples.filter(|_| self.sparing && self.budget.is_none())
     }
 }
 
 impl Serialize for EffortOptions {
     /// The limits that hold, a time in milliseconds.
     fn serialize<S: Serializer>(&self, serializer: S) -> Result<S::Ok, S::Error> {
-        let mut fields = serializer.serialize_struct("EffortOptions", 5)?;
+        let mut fields = serializer.serialize_struct("EffortOptions", 6)?;
         fields.serialize_field("preview", &self.preview)?;
         fields.serialize_field("error", &self.target())?;
         fields.serialize_field("max_samples", &self.max_samples)?;
+        fields.serialize_field("sparing", &self.sparing)?;
         fields.serialize_field("budget_ms", &self.budget.map(|budget| budget.as_secs_f64() * 1e3))?;
         fields.serialize_field("shaft_guard", &self.shaft_guard)?;
         fields.end()
@@ -223,6 +245,13 @@ impl Options {
         if effort.preview && (effort.max_samples.is_some() || effort.budget.is_some()) {
             return Err(
                 "--preview takes no refinement step, so --max-samples and --budget do not apply".into()
+            );
+        }
+        if effort.sparing && (effort.max_samples.is_none() || effort.budget.is_some()) {
+            return Err(
+                "--sparing plans for the samples of --max-samples: it needs them, and --budget does not \
+                        apply"
+                    .into(),
             );
         }
         in_range("--nodes", self.method.nodes, 1..=MAX_NODES)?;

@@ -23,7 +23,7 @@ use crate::visibility::{Found, IdImage};
 const PIXELS_A_FACE: usize = 1024;
 const MANY: usize = 512;
 
-/// The same where samples are limited, against which all their pixels count.
+/// The same where samples are spared, against which all their pixels count.
 const SPARING: usize = 16_384;
 
 /// Visible pixels below which a face is one of them: about as long as its pixels take to be traced, its share of the mesh
@@ -68,7 +68,7 @@ impl Direct {
         wanted: impl Fn(u32) -> bool + Sync,
     ) -> Self {
         let Options { method, effort, .. } = options;
-        let many = match effort.max_samples {
+        let many = match effort.spared_samples() {
             Some(_) => SPARING,
             None => (view.pixels() / PIXELS_A_FACE).max(MANY),
         };

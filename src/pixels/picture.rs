@@ -14,16 +14,17 @@ use crate::trace::Rays;
 use crate::trace::sample::Context;
 use crate::visibility::{Class, Found, IdImage};
 
-/// The part of the samples allowed that pixels of what is blended may take.
+/// The part of the samples allowed, where they are spared, that pixels of what is blended may take.
 const VEILS_SHARE: u64 = 4;
 
 /// Pixels of what is blended up to which a frame of this effort traces them: none where it has to be quick, for they take some
-/// times as long as to be drawn.
+/// times as long as to be drawn, nor where its samples are to make what a quick one shows.
 pub fn most_veils(effort: &EffortOptions) -> u64 {
-    if effort.preview || effort.budget.is_some() {
-        return 0;
+    match effort.spared_samples() {
+        Some(most) => most / VEILS_SHARE,
+        None if effort.preview || effort.is_limited() => 0,
+        None => u64::MAX,
     }
-    effort.max_samples.map_or(u64::MAX, |most| most / VEILS_SHARE)
 }
 
 /// Roundings of the eye's largest coordinate before the eye at which the picture is drawn, at least: nearer its corners would not

@@ -53,7 +53,8 @@ const TRACED_SHARE: f32 = 0.35;
 const RECEIVER_SHARE: f32 = 0.09;
 const RECEIVER_STOP_SIZES: [f32; 2] = [8.0, 16.0];
 
-/// The same where samples are counted and few: more of a small face's pixels are defined by its halves.
+/// The same where samples are [spared](EffortOptions::sparing) and few: more of a small face's pixels are defined by its
+/// halves.
 pub const SPARING_STOP_SIZE: f32 = 4.0;
 
 /// Longest edge of a face that the preview shows, as a share of the image's longer side.
@@ -279,6 +280,9 @@ impl<'a> Refiner<'a> {
     /// runs from `started`; no step begins that would overrun it if it took as long and cost
     /// as much as the last one.
     ///
+    /// Unless samples are spared, steps follow from what was traced before alone, whatever the limits: a frame
+    /// that time ended is made again by its [`cost`](Self::cost) as the limit.
+    ///
     /// # Errors
     /// Whatever `after_step` returns.
     pub fn run<E>(
@@ -290,7 +294,7 @@ impl<'a> Refiner<'a> {
         if effort.preview {
             return Ok(StoppedBy::Preview);
         }
-        if effort.max_samples.is_some_and(|limit| (limit as f64) < FEW * self.total_pixels) {
+        if effort.spared_samples().is_some_and(|limit| (limit as f64) < FEW * self.total_pixels) {
             self.stop_size = SPARING_STOP_SIZE;
         }
         if let Some(error) = effort.target() {
@@ -341,6 +345,7 @@ impl<'a> Refiner<'a> {
     fn step(&mut self, room: u64, mut sums: [f64; 2]) -> bool {
         let leaves = self.mesh.faces.len() / 2 + 1;
         let batch = (leaves / BATCH_SHARE).clamp(BATCH_MIN, BATCH_MAX);
+        let cost_before = self.cost();
         let (vertices_before, pixels_before) = (self.mesh.vertices.len(), self.pixel_budget_used);
         let mut splits: Vec<Split> = Vec::new();
         let mut popped = 0;
@@ -349,50 +354,58 @@ impl<'a> Refiner<'a> {
         // Where only borders are followed any more.
         let batch = if self.is_enough(sums) { 0 } else { batch };
         while popped < batch {
-            let made = self.mesh.vertices.len() - vertices_before;
-            let spent = made as u64 + (self.pixel_budget_used - pixels_before) as u64;
-            if spent >= room {
+            let Some(&Entry { face, .. }) = self.queue.peek() else { break };
+            let State { size, pixels, hopeless, traced, .. } = self.state[face as usize];
+            let is_small = size <= self.stop_size(face) || hopeless && self.target.is_some();
+            // The paper knows no traced pixels: its faces stop here as they are.
+            let stops = is_small && self.predictor.reconstruction == Reconstruction::Paper;
+            if !self.mesh.faces[face as usize].is_leaf() || traced || stops {
+                self.queue.pop();
+                continue;
+            }
+            let made = (self.mesh.vertices.len() - vertices_before) as u64;
+            let of_pixels = self.pixel_budget_used - pixels_before;
+            // Parts of a sample go with the last whole one: a limit that is met exactly must not leave out what a frame
+            // without it has at this count.
+            let is_free = is_small && (of_pixels + f64::from(pixels)) as u64 == of_pixels as u64;
+            if made + of_pixels as u64 >= room && !is_free {
                 break;
             }
-            let Some(entry) = self.queue.pop() else { break };
-            let face = entry.face;
-            if !self.mesh.faces[face as usize].is_leaf() || self.state[face as usize].traced {
-                continue;
-            }
-            let State { size, hopeless, .. } = self.state[face as usize];
-            if size <= self.stop_size(face) || hopeless && self.target.is_some() {
-                // The paper knows no traced pixels: its faces stop here as they are.
-                if self.predictor.reconstruction == Reconstruction::Exact {
-                    let predicted = self.predicted[face as usize];
-                    sums = [0, 1].map(|i| sums[i] - f64::from(predicted[i]));
-                    self.trace_pixels_of(face);
-                    popped += 1;
-                    if self.is_enough(sums) {
-                        break;
-                    }
-                }
-                continue;
-            }
-            self.mesh.bisect(face, &mut splits);
+            self.queue.pop();
             popped += 1;
+            if !is_small {
+                self.mesh.bisect(face, &mut splits);
+                continue;
+            }
+            let predicted = self.predicted[face as usize];
+            sums = [0, 1].map(|i| sums[i] - f64::from(predicted[i]));
+            self.trace_pixels_of(face);
+            if self.is_enough(sums) {
+                break;
+            }
         }
         if splits.is_empty() && self.pixel_faces.len() == traced_before {
             return false;
         }
         self.take(splits);
         self.find_crossings(traced_before);
+        // One count for each picture, or it would not tell which of them was meant.
+        if self.cost() == cost_before {
+            self.pixel_budget_used += 1.0;
+        }
         self.steps += 1;
         true
     }
 
-    /// Bisects the large faces until none is left, or half of `effort`'s samples are spent, so that the preview shows what they
-    /// show: corners of a mirror that are hidden in its frame say nothing of it, and corners of a floor nothing of the shadows
-    /// on it.
+    /// Bisects the large faces until none is left, or `effort`'s samples are spent, half of them where they are spared, so that
+    /// the preview shows what they show: corners of a mirror that are hidden in its frame say nothing of it, and corners of a
+    /// floor nothing of the shadows on it.
     pub fn open_large(&mut self, effort: &EffortOptions) {
         if self.predictor.reconstruction == Reconstruction::Paper {
             return;
         }
-        let most_samples = effort.max_samples.map_or(u64::MAX, |most| most / 2);
+        let half = effort.spared_samples().map(|most| most / 2);
+        let most_samples = half.or(effort.max_samples).unwrap_or(u64::MAX);
         let View { width, height, .. } = *self.context.view;
         let longest = PREVIEW_SHARE * width.max(height) as f32;
         loop {

@@ -18,8 +18,12 @@ pub struct Stats {
     pub scene: SceneStats,
     /// The image.
     pub image: ImageStats,
-    /// Vertices sampled; pixels traced one by one are in [`Rays::pixel`].
+    /// All that counts against `--max-samples`: vertices sampled, and pixels that were traced one by one to draw the picture
+    /// (`--pixel-samples` is beside it). A step that took less than one counts as one. As `--max-samples` this number makes
+    /// the picture of a frame that `--budget` ended.
     pub samples: u64,
+    /// Vertices sampled.
+    pub vertices: u64,
     /// Those of them whose samples an earlier frame had traced, of a renderer that keeps them; not in the file.
     #[serde(skip)]
     pub reused: u64,
@@ -217,7 +221,8 @@ impl fmt::Display for Stats {
         )?;
         writeln!(f, "image    {}x{}, {} specular pixels", image.width, image.height, image.vt_pixels)?;
         if self.samples > 0 {
-            write!(f, "samples  {} in {} refinement steps", self.samples, self.steps)?;
+            let Self { samples, vertices, steps, .. } = self;
+            write!(f, "samples  {samples}, {vertices} of them vertices, in {steps} refinement steps")?;
             if let Some(stopped_by) = self.stopped_by {
                 write!(f, ", {}", stopped_by.words())?;
             }
@@ -331,7 +336,9 @@ mod tests {
             let present = keys(&json[group]);
             assert!(fields.iter().all(|field| present.contains(field)), "{group}: {present:?}");
         }
-        for field in ["samples", "steps", "stopped_by", "predicted_error", "passes", "left_out", "options"] {
+        for field in
+            ["samples", "vertices", "steps", "stopped_by", "predicted_error", "passes", "left_out", "options"]
+        {
             assert!(json.get(field).is_some(), "{field}");
         }
         assert!(json["passes"].is_array() && json["stopped_by"].is_null() && json["samples"] == 0);

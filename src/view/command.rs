@@ -36,6 +36,7 @@ pub fn render_line(scene: &Path, options: &Options, exposure: f32) -> String {
     line.flag("--preview", effort.preview);
     line.given("--error", effort.error.map(|error| error.to_string()));
     line.given("--max-samples", effort.max_samples.map(|samples| samples.to_string()));
+    line.flag("--sparing", effort.sparing);
     line.given("--budget", effort.budget.map(|budget| budget.as_millis().to_string()));
     if effort.shaft_guard != default.effort.shaft_guard {
         line.add("--shaft-guard", if effort.shaft_guard { "on" } else { "off" });

@@ -112,7 +112,7 @@ fn stage_lines(stats: &Stats) -> [String; 4] {
     [
         format!(
             "{} samples traced, {} kept; {}x{}",
-            stats.samples - stats.reused,
+            stats.vertices - stats.reused,
             stats.reused,
             image.width,
             image.height

@@ -181,7 +181,7 @@ impl Entry {
             ends_ladder: stats.is_some_and(|stats| {
                 matches!(stats.stopped_by, Some(StoppedBy::NothingLeft | StoppedBy::Error) | None)
             }),
-            samples: stats.map(|stats| stats.samples),
+            samples: stats.map(|stats| stats.vertices),
             rays: shot.rays,
             predicted_error: stats.and_then(|stats| stats.predicted_error),
             errors: judge.errors(&shot.image)?,

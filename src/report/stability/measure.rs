@@ -138,7 +138,7 @@ impl Bench<'_> {
         let mut renderer = Renderer::new(self.gpu, &trial.scene, &options)?;
         renderer.set_interrupt(self.interrupt.clone());
         let frame = renderer.render(&view)?;
-        Ok(Taken { image: frame.image, view, samples: frame.stats.samples, ms: frame.stats.time_ms.frame })
+        Ok(Taken { image: frame.image, view, samples: frame.stats.vertices, ms: frame.stats.time_ms.frame })
     }
 
     fn picture(&self, trial: &Trial) -> Result<Outcome> {
