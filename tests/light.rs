@@ -14,7 +14,7 @@ use vertex_tracing::{
 };
 
 use common::floor::glowing_floor;
-use common::{TestGpu, image, options, over_vt, psnr, traced};
+use common::{TestGpu, image, options, over_vt, psnr, traced, wrong};
 
 /// A pane hides what is behind it in part, be that a mesh whose pixels are all traced, and is hidden where it is under that: be
 /// it traced, too, or drawn where effort is limited. The mesh stays out of the refined one either way.
@@ -230,6 +230,33 @@ fn thin_shadows_do_not_break() {
     println!("{wrong} pixels are wrong, {traced} rays of pixels");
     assert!(wrong < 30, "{wrong} pixels are wrong");
     assert!(traced < options.view.width as u64 * 100, "{traced} rays of pixels");
+    gpu.finish();
+}
+
+/// What a mirror shows of another one ends within a face, and so may the shadow that is all that this face's corners see in
+/// the other: beside it a sliver of the lit wall.
+#[test]
+fn light_beside_shadows_at_the_rim_of_a_mirror_in_a_mirror_is_found() {
+    let gpu = TestGpu::open();
+    let mut builder = SceneBuilder::new("periscope");
+    let white = builder.material(Material { double_sided: true, ..matte("white") });
+    let black = builder.material(Material { double_sided: true, ..matte("grey").colored(Vec3::splat(0.2)) });
+    let metal = builder.material(Material { double_sided: true, ..chrome("silver", Vec3::splat(0.95)) });
+    builder.mesh("back", shape::plane(vec3(-3.0, 0.0, -3.0), Vec3::X * 6.0, Vec3::Y * 3.0, 1.0), white);
+    builder.mesh("ceiling", shape::plane(vec3(-3.0, 3.0, -3.0), Vec3::X * 6.0, Vec3::Z * 6.0, 1.0), white);
+    for bottom in [0.3, 1.7] {
+        let mirror = shape::plane(vec3(-0.35, bottom, 0.35), Vec3::X * 0.7, vec3(0.0, 0.7, -0.7), 1.0);
+        builder.mesh("mirror", mirror, metal);
+    }
+    builder.mesh("plate", shape::plane(vec3(-0.4, 0.2, -0.4), Vec3::X * 0.8, Vec3::Y * 2.2, 1.0), black);
+    builder.point_light(vec3(1.0, 2.6, 1.0), Vec3::splat(40.0));
+    builder.point_light(vec3(-1.5, 2.5, -1.0), Vec3::splat(20.0));
+    builder.camera(Camera::look_at(vec3(0.0, 0.65, 2.0), vec3(0.0, 0.65, 0.0), 0.61));
+    let scene = builder.build().unwrap();
+    let mut options = options(320, 256);
+    options.effort.error = Some(0.1);
+    let wrong = wrong(&gpu, &scene, &options);
+    assert!(wrong < 30, "{wrong} pixels are wrong");
     gpu.finish();
 }
 

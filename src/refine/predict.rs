@@ -404,6 +404,11 @@ fn weight(node: &Node, structure: &Structure) -> Vec3 {
     node.throughput * (node.local.textured * structure.mean_square.sqrt() + node.local.added)
 }
 
+/// The same that a shadow takes from it.
+fn hidden(node: &Node, structure: &Structure) -> Vec3 {
+    node.throughput * (node.shadowed.textured * structure.mean_square.sqrt() + node.shadowed.added)
+}
+
 /// Largest square of the light that changes between two nodes of one target that are not lit by the same lights, before
 /// texture. Where one is lit by a light that does not reach it, and the other is not, both are dark.
 fn across_shadow(nodes: [&Node; 2]) -> f32 {
@@ -416,10 +421,14 @@ fn contribution(node: &Node, structure: &Structure) -> f32 {
     mean_square(weight(node, structure)).sqrt()
 }
 
+/// Largest squared contribution of a path to the corners that have it. Where it ends between corners the shadow that one of
+/// them sees may end, too: what the shadow takes counts.
 fn contribution_of(nodes: &[Option<&Node>; 3], predictor: &Predictor) -> f32 {
-    let squares =
-        nodes.iter().flatten().map(|node| mean_square(weight(node, predictor.structure(node.target))));
-    squares.fold(0.0, f32::max)
+    let square = |node: &Node| {
+        let structure = predictor.structure(node.target);
+        mean_square(weight(node, structure)).max(mean_square(hidden(node, structure)))
+    };
+    nodes.iter().flatten().map(|node| square(node)).fold(0.0, f32::max)
 }
 
 fn total_contribution(sample: Sample) -> f32 {
@@ -433,4 +442,51 @@ fn total_contribution(sample: Sample) -> f32 {
 pub(super) fn mean_square(color: Vec3) -> f32 {
     let square = color.min(Vec3::ONE).max(Vec3::NEG_ONE).length_squared() / 3.0;
     if square.is_finite() { square } else { 1.0 }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::scene::demo::Demo;
+    use crate::scene::patch::ENVIRONMENT;
+    use crate::scene::topology::Topology;
+    use crate::trace::optics::BranchKind;
+    use crate::trace::shade::Local;
+
+    #[test]
+    fn a_shadow_counts_where_its_path_ends() {
+        let scene = Demo::Mirror.scene();
+        let targets = Targets::new(&scene, &Topology::new(&scene.geometry));
+        let predictor = Predictor {
+            targets: &targets,
+            structures: &[],
+            scene: &scene,
+            view: &View::new(&scene.cameras[0], 64, 48, scene.bounds()),
+            reconstruction: Reconstruction::Exact,
+            shaft_guard: true,
+        };
+        let square = |shadowed: Local| {
+            let node = Node {
+                path: 1,
+                target: ENVIRONMENT,
+                first: BranchKind::Reflect,
+                bounces: 2,
+                absorbed: false,
+                lit: 0,
+                uv: Vec2::ZERO,
+                throughput: Vec3::splat(0.5),
+                local: Local::default(),
+                shadowed,
+                texel: Vec3::ONE,
+                origin: Vec3::ZERO,
+                direction: Vec3::Z,
+                length: 1.0,
+                to_branch: 1.0,
+                after: 1.0,
+            };
+            contribution_of(&[Some(&node), None, None], &predictor)
+        };
+        assert_eq!(square(Local::default()), 0.0);
+        assert_eq!(square(Local { added: Vec3::ONE, ..Local::default() }), 0.25);
+    }
 }
