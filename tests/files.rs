@@ -185,6 +185,9 @@ fn the_folder_of_steps_is_made_for_all_results() {
     for file in ["new/steps/a.png", "new/steps/step_0000.png", "new/s.json"] {
         assert!(place.path(file).is_file(), "{file}");
     }
+    let output = place.run(&["render", "scene.glb", "--progressive", "picture.png"]);
+    assert_eq!(text(&output.stderr), "error: picture.png: is not a folder\n");
+    assert_eq!(output.status.code(), Some(1));
     place.refused(
         &["render", "scene.glb", "--progressive", "more", "--show", "depth"],
         "'--progressive <DIR>' cannot be used with '--show <SHOW>'",

@@ -4,6 +4,7 @@
 use std::{
     ffi::OsStr,
     fs,
+    io::{self, ErrorKind},
     path::{Path, PathBuf},
 };
 
@@ -97,7 +98,10 @@ impl Folder {
     pub fn make(path: &Path) -> Result<Self> {
         let absent = path.ancestors().take_while(|folder| !folder.as_os_str().is_empty() && !folder.exists());
         let folder = Self { made: absent.map(Path::to_path_buf).collect() };
-        fs::create_dir_all(path).map_err(Error::io(path))?;
+        fs::create_dir_all(path).map_err(|error| {
+            let is_file = error.kind() == ErrorKind::AlreadyExists;
+            Error::io(path)(if is_file { io::Error::new(error.kind(), "is not a folder") } else { error })
+        })?;
         Ok(folder)
     }
 }

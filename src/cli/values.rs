@@ -41,12 +41,9 @@ pub fn point(text: &str) -> Result<DVec3, String> {
 
 /// `R,G,B`, linear and not negative.
 pub fn color(text: &str) -> Result<Vec3, String> {
-    let color = point(text)?.as_vec3();
-    if color.min_element() >= 0.0 && color.is_finite() {
-        Ok(color)
-    } else {
-        Err("a colour is not negative".into())
-    }
+    let color = point(text).ok().map(|color| color.as_vec3());
+    let color = color.filter(|color| color.min_element() >= 0.0 && color.is_finite());
+    color.ok_or_else(|| "not three numbers 0 or more such as 0.2,0.5,1".into())
 }
 
 /// A vertical field of view in degrees.
