@@ -223,3 +223,28 @@ fn a_name_need_not_be_unicode() {
     assert_eq!(output.status.code(), Some(0), "{}", text(&output.stderr));
     assert!(place.0.path().join(name).is_file());
 }
+
+/// A log that the shell opens for appending keeps what stands in it, and stats on standard output come alone under any of
+/// its names.
+#[cfg(target_os = "linux")]
+#[test]
+fn what_is_open_already_is_added_to() {
+    let place = Place::new();
+    let reference = |stats: &str, redirection: &str| {
+        fs::write(place.path("log"), "earlier\n").unwrap();
+        let vtrace = env!("CARGO_BIN_EXE_vtrace");
+        let line = format!(
+            "exec '{vtrace}' reference scene.glb --size 8x8 -o a.png --stats {stats} {redirection} >>log"
+        );
+        let output = Command::new("sh").current_dir(place.0.path()).args(["-c", &line]).output().unwrap();
+        assert_eq!(output.status.code(), Some(0), "{stats}: {}", text(&output.stderr));
+        fs::read_to_string(place.path("log")).unwrap()
+    };
+    for stats in ["-", "/dev/stdout", "/dev/fd/1", "/proc/self/fd/1"] {
+        let log = reference(stats, "");
+        let json = log.strip_prefix("earlier\n").unwrap_or_else(|| panic!("{stats}: {log}"));
+        serde_json::from_str::<serde_json::Value>(json).unwrap_or_else(|error| panic!("{stats}: {error}"));
+    }
+    let log = reference("/dev/fd/3", "3>>log");
+    assert!(log.starts_with("earlier\n{") && log.ends_with("wrote    a.png\n"), "{log}");
+}

@@ -13,6 +13,9 @@ use crate::{
     },
 };
 
+/// Names of standard output.
+const STDOUT: [&str; 4] = ["-", "/dev/stdout", "/dev/fd/1", "/proc/self/fd/1"];
+
 #[derive(Debug, Args)]
 #[command(next_help_heading = "Output")]
 #[allow(missing_docs)] // the comments are the help texts
@@ -27,7 +30,7 @@ pub struct OutputArgs {
 
 impl OutputArgs {
     fn stats_on_stdout(&self) -> bool {
-        self.stats.as_deref() == Some(Path::new("-"))
+        self.stats.as_deref().is_some_and(|stats| STDOUT.iter().any(|name| stats == Path::new(name)))
     }
 
     /// The files that are written, each with the option that names it.

@@ -132,14 +132,14 @@ pub fn to_json(value: &impl Serialize) -> Result<String> {
 }
 
 /// Writes `bytes` beside the file that `path` leads to and renames: the file appears whole or not at all. What is there
-/// and is no file, a pipe or a device, is written to as it is.
+/// and is no file, a pipe or a device, is written to as it is, and what is open already, such as /dev/stderr, is added to.
 ///
 /// # Errors
 /// [`Error::Io`]; then nothing is left behind.
 pub fn write_file(path: &Path, bytes: &[u8]) -> Result<()> {
     let Place::File(target) = place(path)? else {
         // Not held: it may wait for a reader for ever, and whoever ends the process must not wait for it.
-        let stream = OpenOptions::new().write(true).open(path);
+        let stream = OpenOptions::new().append(true).open(path);
         return stream.and_then(|mut stream| stream.write_all(bytes)).map_err(Error::io(path));
     };
     let _held = hold_files();
@@ -177,7 +177,7 @@ pub fn leads_to(path: &Path) -> Option<(PathBuf, OsString)> {
 enum Place {
     /// A file, there already or not yet, by the path that no symbolic link follows.
     File(PathBuf),
-    /// A pipe, a device or a socket.
+    /// A pipe, a device, a socket, or whatever this process has open under that number.
     Stream,
 }
 
@@ -195,6 +195,10 @@ fn place(path: &Path) -> Result<Place> {
     let mut target = path.to_path_buf();
     for _ in 0..MOST_LINKS {
         let Ok(next) = std::fs::read_link(&target) else { return Ok(Place::File(target)) };
+        // A log that the shell opened for us: what stands in it is not ours to replace.
+        if std::fs::canonicalize(folder_of(&target)).is_ok_and(|folder| folder.starts_with("/proc")) {
+            return Ok(Place::Stream);
+        }
         target.pop();
         target.push(next);
     }
