@@ -483,6 +483,36 @@ fn an_interrupt_ends_long_work_cleanly() {
     interrupted(&place, &["render", "large.gltf", "-o", "out.png"], second / 10);
 }
 
+/// Whoever starts it with `nohup` wants its results after the terminal is gone; others do not.
+#[cfg(unix)]
+#[test]
+fn a_hangup_ends_work_unless_it_is_ignored() {
+    let place = Place::new();
+    for (before, code) in [("trap '' HUP", None), (":", Some(130))] {
+        let vtrace = env!("CARGO_BIN_EXE_vtrace");
+        // Sixteen pixels square, for minutes.
+        let work = "reference scene.glb -o out.png --spp 65536 --size 16x16";
+        let line = format!("{before}; exec '{vtrace}' {work}");
+        let mut child = Command::new("sh")
+            .current_dir(place.0.path())
+            .args(["-c", &line])
+            .stderr(Stdio::null())
+            .spawn()
+            .unwrap();
+        thread::sleep(Duration::from_secs(1));
+        Command::new("sh").args(["-c", &format!("kill -HUP {}", child.id())]).status().unwrap();
+        let asked = Instant::now();
+        let most = Duration::from_secs(if code.is_some() { 10 } else { 2 });
+        while child.try_wait().unwrap().is_none() && asked.elapsed() < most {
+            thread::sleep(Duration::from_millis(10));
+        }
+        let ended = child.try_wait().unwrap().map(|status| status.code());
+        child.kill().unwrap();
+        child.wait().unwrap();
+        assert_eq!(ended, code.map(Some), "{before}");
+    }
+}
+
 #[test]
 fn hostile_files_take_little_time_and_memory() {
     let place = Place::new();

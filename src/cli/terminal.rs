@@ -16,7 +16,7 @@ use indicatif::{ProgressBar, ProgressStyle};
 
 use crate::{
     error::{Error, Result, one_line},
-    gpu::end_at_once,
+    gpu::{end_at_once, keeping_hangups_ignored},
     report::output::hold_files,
     scene::Scene,
 };
@@ -77,13 +77,13 @@ pub fn notes_on(scene: &Scene) {
 /// What work has after a first Ctrl-C to end by itself.
 const GRACE: Duration = Duration::from_millis(500);
 
-/// A flag that Ctrl-C and SIGTERM set for long work to see.
+/// A flag that these signals set for long work to see.
 pub fn interrupt() -> Arc<AtomicBool> {
     static FLAG: LazyLock<Arc<AtomicBool>> = LazyLock::new(Arc::default);
     FLAG.clone()
 }
 
-/// Lets Ctrl-C and SIGTERM end the program: work that looks at [`interrupt`] ends by itself. What does not in time,
+/// Lets Ctrl-C, SIGTERM and, unless it is ignored, SIGHUP end the program: work that looks at [`interrupt`] ends by itself. What does not in time,
 /// a driver that compiles or a decoder, is ended with the process, between two files. A second signal does not wait.
 fn end_on_signals() {
     let flag = interrupt();
@@ -103,7 +103,7 @@ fn end_on_signals() {
             end_at_once(INTERRUPTED);
         });
     };
-    if let Err(error) = ctrlc::set_handler(handler) {
+    if let Err(error) = keeping_hangups_ignored(|| ctrlc::set_handler(handler)) {
         note(&format!("Ctrl-C will end the program without cleaning up: {error}"));
     }
 }

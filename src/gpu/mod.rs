@@ -39,7 +39,7 @@ pub use commands::{Commands, Recording, Submission};
 pub use descriptor::{Binding, BindingKind, DescriptorSet, Resource, SetLayout};
 pub use device::{Gpu, Options};
 pub use draw::{ColorTarget, DepthTarget, Draws, Targets};
-pub use end::end_at_once;
+pub use end::{end_at_once, keeping_hangups_ignored};
 pub use fault::Fault;
 pub use host_image::HostImage;
 pub use image::{Format, Image, ImageDesc, ImageUse, full_mips};
