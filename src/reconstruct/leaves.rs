@@ -18,7 +18,7 @@ use crate::pixels::picture::Picture;
 use crate::refine::mesh::{Face, Mesh, Vertex};
 use crate::refine::samples::Samples;
 use crate::scene::frustum::{Frustum, Overlap};
-use crate::scene::{AlphaMode, View};
+use crate::scene::{AlphaMode, Object, View};
 use crate::trace::shade;
 use crate::visibility::IdImage;
 
@@ -247,7 +247,7 @@ struct Piece {
     rest: Vec<([Vec3; 3], Sources)>,
 }
 
-/// What assembling a leaf takes.
+/// What assembling leaves takes.
 struct Stage<'a> {
     matcher: &'a Matcher<'a>,
     view: &'a View,
@@ -259,77 +259,32 @@ struct Stage<'a> {
     is_smooth: bool,
 }
 
+/// A leaf of the mesh, and what every way of drawing it needs.
+#[derive(Clone, Copy)]
+struct Subject<'a> {
+    face: u32,
+    object: &'a Object,
+    /// Its record without nodes.
+    leaf: GpuLeaf,
+    /// Whether its pixels were traced.
+    is_traced: bool,
+    /// Whether holes are cut into it: by shading, whatever was traced.
+    is_masked: bool,
+    /// As [`Group::cut`].
+    cut: bool,
+}
+
 impl Stage<'_> {
     fn append(&self, face: u32, is_traced: bool, piece: &mut Piece) {
-        let Self { matcher, view, mesh, samples, .. } = *self;
-        let scene = matcher.scene;
-        let Face { corners, base, .. } = mesh.faces[face as usize];
-        let object = &scene.objects[scene.geometry.face_objects[base as usize] as usize];
-        let hidden = shade::lights_behind(scene, matcher.shadows, view, base);
-        let mut leaf = GpuLeaf {
-            vertices: corners,
-            material: matcher.table.material(object.material),
-            lit: (0..3)
-                .fold(0, |lit, i| lit | (samples.get(corners[i]).primary.lit & !hidden & 0xff) << (8 * i)),
-            nodes: piece.texels.len() as u32,
-            first_target: NO_TARGET,
-            ..GpuLeaf::zeroed()
-        };
-        let seen = corners.map(|v| Corner {
-            sample: samples.get(v),
-            distance: (!view.orthographic).then(|| view.distance_to(mesh.position(v))),
-        });
-        let cut = self.frustum.of_points(corners.map(|v| mesh.position(v))) != Overlap::Inside;
-        // Holes are cut by shading, whatever was traced.
-        let masked = matches!(scene.materials[object.material as usize].alpha_mode, AlphaMode::Mask(_));
-        let is_smooth = self.is_smooth && !masked;
-        if is_traced && is_smooth && self.append_smooth(face, leaf, cut, piece) {
-            piece.traced += u32::from(object.vt);
-            return;
-        }
-        let has_block =
-            is_traced && !masked && !is_smooth && self.blocks.append(face, &mut piece.texels).is_some();
-        let (group, defined) = if has_block {
-            leaf.flags = LEAF_TRACED;
-            (Group::traced(cut), false)
-        } else {
-            let mut nodes = LeafNodes::default();
-            if object.vt {
-                // What no traced pixel covers of a traced leaf is Gouraud-shaded: no nodes.
-                let room = if is_traced { 0 } else { matcher.room };
-                nodes = matcher.leaf_beside(seen, room, &self.borders.around(matcher.targets, mesh, face));
-                leaf.flags = nodes.count << LEAF_COUNT_SHIFT;
-                if let Some((target, lit)) = nodes.first {
-                    (leaf.first_target, leaf.first_lit) = (target, lit);
-                }
-            }
-            // Nobody refined what owns no pixel.
-            if is_smooth
-                && object.vt
-                && !(is_traced || nodes.defined)
-                && self.blocks.owns_no_pixel(face)
-                && self.append_smooth(face, GpuLeaf { first_target: NO_TARGET, flags: 0, ..leaf }, cut, piece)
-            {
-                piece.undefined += 1;
-                return;
-            }
-            let shows = |branch: usize| nodes.comb.iter().any(|corner| corner[branch] != Vec3::ZERO);
-            let combined = [shows(0), shows(1)];
-            if combined[0] || combined[1] {
-                leaf.flags |= LEAF_COMBINED;
-                piece.combined = [0, 1].map(|branch| piece.combined[branch] || combined[branch]);
-                piece.texels.extend(nodes.comb.iter().flatten().map(|comb| floats(comb.extend(0.0))));
-            }
-            if is_traced && masked && self.blocks.append(face, &mut piece.texels).is_some() {
-                leaf.flags |= LEAF_TRACED;
-            } else {
-                piece.texels.extend_from_slice(&nodes.texels);
-            }
-            piece.overflow += u64::from(nodes.overflow);
-            let own = matcher.base_textures[object.material as usize];
-            (Group::of(object.vt, own, &nodes, cut), nodes.defined)
-        };
-        piece.leaves.push((group, leaf));
+        let subject = self.subject(face, is_traced, piece.texels.len());
+        let Subject { object, is_masked, .. } = subject;
+        let by_pixels = is_traced
+            && !is_masked
+            && match self.is_smooth {
+                true => self.append_smooth(subject, piece),
+                false => self.append_block(subject, piece),
+            };
+        let defined = if by_pixels { false } else { self.append_sampled(subject, piece) };
         if object.vt {
             // The vertices of a traced leaf may have no sample.
             let count = match (is_traced, defined) {
@@ -341,8 +296,42 @@ impl Stage<'_> {
         }
     }
 
-    /// Appends a leaf in the colours that several samples of a pixel show of it: false, and nothing, if there are none.
-    fn append_smooth(&self, face: u32, leaf: GpuLeaf, cut: bool, piece: &mut Piece) -> bool {
+    /// Leaf `face`, whose nodes will begin at texel `nodes`.
+    fn subject(&self, face: u32, is_traced: bool, nodes: usize) -> Subject<'_> {
+        let Self { matcher, view, mesh, samples, .. } = *self;
+        let scene = matcher.scene;
+        let Face { corners, base, .. } = mesh.faces[face as usize];
+        let object = &scene.objects[scene.geometry.face_objects[base as usize] as usize];
+        let hidden = shade::lights_behind(scene, matcher.shadows, view, base);
+        let lit = |i: usize| samples.get(corners[i]).primary.lit & !hidden & 0xff;
+        Subject {
+            face,
+            object,
+            leaf: GpuLeaf {
+                vertices: corners,
+                material: matcher.table.material(object.material),
+                lit: (0..3).fold(0, |all, i| all | lit(i) << (8 * i)),
+                nodes: nodes as u32,
+                first_target: NO_TARGET,
+                ..GpuLeaf::zeroed()
+            },
+            is_traced,
+            is_masked: matches!(scene.materials[object.material as usize].alpha_mode, AlphaMode::Mask(_)),
+            cut: self.frustum.of_points(corners.map(|v| mesh.position(v))) != Overlap::Inside,
+        }
+    }
+
+    /// Appends a leaf in the colours of its traced pixels: false, and nothing, if there are none.
+    fn append_block(&self, Subject { face, leaf, cut, .. }: Subject, piece: &mut Piece) -> bool {
+        let has_block = self.blocks.append(face, &mut piece.texels).is_some();
+        if has_block {
+            piece.leaves.push((Group::traced(cut), GpuLeaf { flags: LEAF_TRACED, ..leaf }));
+        }
+        has_block
+    }
+
+    /// The same in the colours that several samples of a pixel show of it.
+    fn append_smooth(&self, Subject { face, leaf, cut, .. }: Subject, piece: &mut Piece) -> bool {
         let (has_color, rest) = self.blocks.append_smooth(face, &mut piece.texels);
         let has_rest = rest.is_some();
         let corners = leaf.vertices.map(|vertex| self.mesh.position(vertex));
@@ -351,5 +340,46 @@ impl Stage<'_> {
             piece.leaves.push((Group::traced(cut), GpuLeaf { flags: LEAF_TRACED, ..leaf }));
         }
         has_color || has_rest
+    }
+
+    /// Appends a leaf in what its corners' samples show; whether these share all paths.
+    fn append_sampled(&self, subject: Subject, piece: &mut Piece) -> bool {
+        let Self { matcher, view, mesh, samples, .. } = *self;
+        let Subject { face, object, mut leaf, is_traced, is_masked, cut } = subject;
+        let mut nodes = LeafNodes::default();
+        if object.vt {
+            let seen = leaf.vertices.map(|v| Corner {
+                sample: samples.get(v),
+                distance: (!view.orthographic).then(|| view.distance_to(mesh.position(v))),
+            });
+            // What no traced pixel covers of a traced leaf is Gouraud-shaded: no nodes.
+            let room = if is_traced { 0 } else { matcher.room };
+            nodes = matcher.leaf_beside(seen, room, &self.borders.around(matcher.targets, mesh, face));
+            // Nobody refined what owns no pixel.
+            let unrefined = self.is_smooth && !is_masked && !is_traced && !nodes.defined;
+            if unrefined && self.blocks.owns_no_pixel(face) && self.append_smooth(subject, piece) {
+                return false;
+            }
+            leaf.flags = nodes.count << LEAF_COUNT_SHIFT;
+            if let Some((target, lit)) = nodes.first {
+                (leaf.first_target, leaf.first_lit) = (target, lit);
+            }
+        }
+        let shows = |branch: usize| nodes.comb.iter().any(|corner| corner[branch] != Vec3::ZERO);
+        let combined = [shows(0), shows(1)];
+        if combined[0] || combined[1] {
+            leaf.flags |= LEAF_COMBINED;
+            piece.combined = [0, 1].map(|branch| piece.combined[branch] || combined[branch]);
+            piece.texels.extend(nodes.comb.iter().flatten().map(|comb| floats(comb.extend(0.0))));
+        }
+        if is_traced && is_masked && self.blocks.append(face, &mut piece.texels).is_some() {
+            leaf.flags |= LEAF_TRACED;
+        } else {
+            piece.texels.extend_from_slice(&nodes.texels);
+        }
+        piece.overflow += u64::from(nodes.overflow);
+        let own = matcher.base_textures[object.material as usize];
+        piece.leaves.push((Group::of(object.vt, own, &nodes, cut), leaf));
+        nodes.defined
     }
 }
