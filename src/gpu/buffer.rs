@@ -92,13 +92,10 @@ impl UploadBuffer {
         let bytes: &[u8] = bytemuck::cast_slice(data);
         assert!(offset + bytes.len() as u64 <= self.raw.size, "{}: write past the end", self.raw.name);
         self.raw.wait()?;
-        if let Some(mapped) = self.raw.mapped() {
-            // SAFETY: in bounds (asserted), mapped for the buffer's life; `&mut self` is the only handle to
-            // the mapping and the device is done with it (waited).
-            unsafe {
-                mapped.as_ptr().add(offset as usize).copy_from_nonoverlapping(bytes.as_ptr(), bytes.len())
-            };
-        }
+        let start = self.raw.mapped().as_ptr().wrapping_add(offset as usize);
+        // SAFETY: in bounds (asserted), mapped for the buffer's life; `&mut self` is the only handle to
+        // the mapping and the device is done with it (waited).
+        unsafe { start.copy_from_nonoverlapping(bytes.as_ptr(), bytes.len()) };
         Ok(())
     }
 }
@@ -140,7 +137,7 @@ impl ReadbackBuffer {
         if self.memory == ReadbackMemory::Cached {
             self.raw.invalidate(size as u64)?;
         }
-        let Some(mapped) = self.raw.mapped() else { return Ok(&[]) };
+        let mapped = self.raw.mapped();
         // SAFETY: mapped for the buffer's life and zeroed at creation; in bounds (asserted); the device is
         // done with it (waited) and only a submission made through `&mut` of this buffer could write again.
         let bytes = unsafe { std::slice::from_raw_parts(mapped.as_ptr(), size) };
@@ -261,12 +258,14 @@ impl RawBuffer {
         Ok(kind)
     }
 
-    fn mapped(&self) -> Option<NonNull<u8>> {
-        match &self.memory {
+    /// Where the host reaches a buffer that was allocated in memory that it can reach.
+    fn mapped(&self) -> NonNull<u8> {
+        let mapped = match &self.memory {
             Memory::None => None,
             Memory::Shared(allocation) => allocation.mapped_ptr().map(NonNull::cast),
             Memory::Own { mapped, .. } => *mapped,
-        }
+        };
+        mapped.expect("memory that the host reaches is mapped as long as its buffer lives")
     }
 
     fn invalidate(&self, bytes: u64) -> Result<()> {
