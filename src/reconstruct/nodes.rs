@@ -11,7 +11,7 @@ use crate::refine::shape::Shape;
 use crate::scene::patch::{Patch, TargetId, Targets};
 use crate::scene::{Background, Scene};
 use crate::trace::Shadows;
-use crate::trace::sample::{Node, slot};
+use crate::trace::sample::Node;
 
 /// What the corners of a leaf share, and what they do not.
 #[derive(Debug, Clone)]
@@ -190,7 +190,7 @@ impl Matcher<'_> {
     ) {
         for ((comb, corner), node) in leaf.comb.iter_mut().zip(corners).zip(nodes) {
             if let Some(node) = node {
-                let branch = slot(node.first);
+                let branch = node.first.index();
                 comb[branch] += before(value(node), corner.sample.primary.attenuation[branch]);
             }
         }
@@ -225,7 +225,7 @@ impl Matcher<'_> {
             return self.combine(leaf, corners, nodes.map(Some), Node::radiance);
         };
         let target = &self.targets.targets[nodes[0].target as usize];
-        let branch = slot(nodes[0].first);
+        let branch = nodes[0].first.index();
         let lights = nodes.map(|node| node.lit);
         let head = |kind: u32, lights: [u32; 3], words: [u32; 3]| {
             [kind | (branch as u32) << 3 | 3 << 4 | packed(lights) << 8, words[0], words[1], words[2]]

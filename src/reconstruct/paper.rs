@@ -20,7 +20,7 @@ use crate::refine::samples::{Sample, Samples};
 use crate::scene::frustum::{Frustum, Overlap};
 use crate::scene::patch::{TargetId, Targets};
 use crate::scene::{AlphaMode, Scene, View};
-use crate::trace::sample::{Node, slot};
+use crate::trace::sample::Node;
 
 /// A vertex: glsl/paper.vert `PaperVertex`. Pairs hold the reflected and the transmitted branch.
 #[repr(C)]
@@ -121,7 +121,7 @@ pub fn branches(scene: &Scene, targets: &Targets, corners: [Sample; 3]) -> Branc
 }
 
 fn first_bounce(sample: Sample<'_>, branch: usize) -> Option<&Node> {
-    sample.nodes.iter().find(|node| node.bounces == 1 && slot(node.first) == branch)
+    sample.nodes.iter().find(|node| node.bounces == 1 && node.first.index() == branch)
 }
 
 /// Assembles the leaves of `mesh`, in parallel and in an order that depends on the mesh alone;
@@ -204,7 +204,7 @@ fn record(scene: &Scene, vertex: &Vertex, position: Vec3, sample: Sample) -> Pap
         ..PaperVertex::zeroed()
     };
     for node in sample.nodes {
-        let branch = slot(node.first);
+        let branch = node.first.index();
         let before = |value: Vec3| before(value, primary.attenuation[branch]);
         if node.bounces == 1 {
             record.textured[branch] = before(node.throughput * node.local.textured);

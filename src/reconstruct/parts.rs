@@ -8,7 +8,7 @@ use glam::{Vec3, Vec4};
 use super::nodes::{Corner, LeafNodes, Matcher, Place, before, texture_parts};
 use super::table::floats;
 use crate::constants::*;
-use crate::trace::sample::{Node, slot};
+use crate::trace::sample::Node;
 
 /// Least cosine between a corner's ray and a plane that it did not meet at which it may stand for a ray that meets it: a
 /// flatter one would draw the texture's coordinates towards infinity.
@@ -84,7 +84,7 @@ impl Matcher<'_> {
         if reference == NO_TEXTURE || emissive || places.iter().flatten().count() < 2 {
             return self.combine(leaf, corners, drawn, Node::radiance);
         }
-        let branch = slot(first.first);
+        let branch = first.first.index();
         let shades: [Vec3; 3] = std::array::from_fn(|i| {
             let shade = |node: &Node| node.throughput * node.local.textured;
             drawn[i].map_or(Vec3::ZERO, |n| before(shade(n), corners[i].sample.primary.attenuation[branch]))

@@ -78,6 +78,16 @@ pub enum BranchKind {
     Refract,
 }
 
+impl BranchKind {
+    /// Its place in pairs of reflected and transmitted values.
+    pub fn index(self) -> usize {
+        match self {
+            Self::Reflect => 0,
+            Self::Refract => 1,
+        }
+    }
+}
+
 /// A specular ray that leaves a surface.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Branch {

@@ -31,8 +31,8 @@ pub struct Context<'a> {
 }
 
 impl<'a> Context<'a> {
-    /// How textures are filtered for pixels that are traced; not to be asked by one of several tasks, as
-    /// [`Pyramids::filtering`] has it.
+    /// How textures are filtered for pixels that are traced. Call it before parallel work, not in it: the first call makes mip
+    /// levels on all cores (see [`Pyramids::filtering`]).
     pub fn filtering(&self) -> Option<Filtering<'a>> {
         self.pyramids.map(|pyramids| pyramids.filtering(self.tracer.scene(), self.view))
     }
@@ -194,7 +194,7 @@ pub fn trace_surface(
             .into_iter()
             .flatten()
         {
-            primary.attenuation[slot(branch.kind)] = branch.attenuation;
+            primary.attenuation[branch.kind.index()] = branch.attenuation;
         }
         let start = Path {
             identity: 0,
@@ -208,14 +208,6 @@ pub fn trace_surface(
         Walk { context, nodes, rays }.branch(surface, &appearance, direction, start);
     }
     primary
-}
-
-/// Index of a branch kind in pairs of reflected and transmitted values.
-pub fn slot(kind: BranchKind) -> usize {
-    match kind {
-        BranchKind::Reflect => 0,
-        BranchKind::Refract => 1,
-    }
 }
 
 /// Lights that are not hidden from a vertex, a bit each: [`Primary::lit`] alone.
@@ -275,7 +267,7 @@ impl Walk<'_, '_> {
                 BranchKind::Refract => self.rays.transmitted += 1,
             }
             let path = Path {
-                identity: mix(path.identity, 1 + slot(branch.kind) as u32),
+                identity: mix(path.identity, 1 + branch.kind.index() as u32),
                 first: path.first.or(Some(branch.kind)),
                 bounces: path.bounces + 1,
                 throughput,

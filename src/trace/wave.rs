@@ -221,7 +221,7 @@ impl<'t, 's> Points<'t, 's> {
                         None => cone,
                     };
                     let ray = Ray { point, origin, direction, start, throughput, cone, body };
-                    next[usize::from(kind == BranchKind::Refract)].push(ray);
+                    next[kind.index()].push(ray);
                 }
             }
         }
