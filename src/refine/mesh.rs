@@ -96,12 +96,12 @@ impl Face {
     }
 }
 
-/// A bisected edge: the new vertex of each of its sides.
+/// A bisected face.
 #[derive(Debug, Clone, Copy)]
 pub struct Split {
-    /// The new vertex.
+    /// The new vertex, at the middle of its longest edge.
     pub vertex: u32,
-    /// The bisected face and its two halves.
+    /// The face, which has [`halves`](Face::halves) now.
     pub face: u32,
 }
 
