@@ -216,12 +216,16 @@ fn a_file_that_cannot_be_finished_is_told_by_its_name() {
 fn a_name_need_not_be_unicode() {
     use std::os::unix::ffi::OsStrExt;
     let place = Place::new();
-    let name = Path::new(std::ffi::OsStr::from_bytes(b"\xff.png"));
+    let named = |bytes: &'static [u8]| Path::new(std::ffi::OsStr::from_bytes(bytes));
+    let (image, panorama) = (named(b"\xff.png"), named(b"\xff.exr"));
+    fs::copy(place.path("environment.exr"), place.0.path().join(panorama)).unwrap();
     let mut command = vtrace();
-    command.current_dir(place.0.path()).args(["reference", "scene.glb", "--size", "8x8", "-o"]);
-    let output = command.arg(name).output().unwrap();
+    command.current_dir(place.0.path()).args(["reference", "scene.glb", "--size", "8x8", "--stats", "-"]);
+    let output = command.arg("-o").arg(image).arg("--environment").arg(panorama).output().unwrap();
     assert_eq!(output.status.code(), Some(0), "{}", text(&output.stderr));
-    assert!(place.0.path().join(name).is_file());
+    assert!(place.0.path().join(image).is_file());
+    let stats: serde_json::Value = serde_json::from_slice(&output.stdout).unwrap();
+    assert_eq!(stats["options"]["environment"], "\u{fffd}.exr");
 }
 
 /// A log that the shell opens for appending keeps what stands in it, and stats on standard output come alone under any of

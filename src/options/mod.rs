@@ -219,6 +219,7 @@ pub struct SceneOptions {
     /// Linear radiance of a ray that leaves the scene; black if `None` and no environment is given.
     pub background: Option<Vec3>,
     /// Panorama (.hdr or .exr) that a ray meets that leaves the scene.
+    #[serde(serialize_with = "as_text")]
     pub environment: Option<PathBuf>,
     /// Most triangles that a file may have; `None` is the loader's own limit.
     pub max_triangles: Option<u64>,
@@ -226,6 +227,11 @@ pub struct SceneOptions {
     pub max_texture_bytes: Option<u64>,
     /// Most nodes that a file may have; `None` is the loader's own limit.
     pub max_nodes: Option<u64>,
+}
+
+/// A path as text, with marks in place of what is not Unicode: no reason to fail once the work is done.
+fn as_text<S: Serializer>(path: &Option<PathBuf>, serializer: S) -> Result<S::Ok, S::Error> {
+    path.as_ref().map(|path| path.to_string_lossy()).serialize(serializer)
 }
 
 impl Options {

@@ -125,7 +125,7 @@ fn encode(
 /// `value` as JSON for people: indented, in the order of its fields, with a line break at the end.
 ///
 /// # Errors
-/// [`Error::Option`] if it holds what JSON cannot, such as a path that is not Unicode.
+/// [`Error::Option`] if it holds what JSON cannot.
 pub fn to_json(value: &impl Serialize) -> Result<String> {
     let text = serde_json::to_string_pretty(value);
     Ok(text.map_err(|error| Error::Option(format!("cannot be written as JSON: {error}")))? + "\n")
