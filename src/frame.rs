@@ -409,11 +409,10 @@ impl<'s> Renderer<'s> {
         let shaded = self.options.method.ss.samples();
         let shaded = if self.warming_up { shaded.min(WARM_UP_SHADED) } else { shaded };
         if let Some(between) = between.filter(|between| !between.is_empty()) {
-            let plain = painter.draw_plain(block, leaves.as_ref(), &passes)?;
-            painter.upload_between(
-                &between.leaves(self.plan.vertex_layout(), &plain),
-                between.replaces_picture,
-            )?;
+            let replaces_picture = between.replaces_picture;
+            let plain = painter.draw_plain(block, leaves.as_ref(), &passes, between.plain_pixels())?;
+            let leaves = between.leaves(self.plan.vertex_layout(), &plain);
+            painter.upload_between(&leaves, replaces_picture)?;
         }
         let drawn = supersample::draw(painter, block, leaves.as_ref(), &passes, shaded);
         painter.forget_between();

@@ -137,23 +137,25 @@ impl Job<'_> {
 
         let time = Instant::now();
         let is_smooth = exact && options.method.has_sub_samples();
-        let seen = is_smooth.then_some(visible.ids);
-        let mut leaves = self.assemble(&refiner, pixels, &picture, options.effort.preview, seen);
-        let between = is_smooth.then(|| {
+        let mut between = is_smooth.then(|| {
             let Subject { direct, veils, .. } = &subject;
-            let classes = &traced.classes;
-            let search = Search {
+            Between::find(&Search {
                 scene,
                 view,
-                classes,
+                classes: &traced.classes,
                 found: visible,
                 mesh: &refiner.mesh,
                 direct,
                 veils,
                 picture: &picture,
-            };
-            Between::find(&search, leaves.take_rest())
+                traced: &pixels,
+            })
         });
+        let seen = is_smooth.then_some(visible.ids);
+        let mut leaves = self.assemble(&refiner, pixels, &picture, options.effort.preview, seen);
+        if let Some(between) = &mut between {
+            between.complete(view, leaves.take_rest());
+        }
         stats.time_ms.refine = refine_ms - trace_ms + ms(time);
 
         note_refined(stats, &refiner, stopped_by);

@@ -24,6 +24,11 @@ use crate::trace::sample::Context;
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
 pub struct HalfRadiance(pub [u32; 2]);
 
+impl HalfRadiance {
+    /// Where nothing was traced.
+    pub const NONE: Self = Self([0; 2]);
+}
+
 impl From<Vec3> for HalfRadiance {
     fn from(radiance: Vec3) -> Self {
         let [r, g, b] = radiance.clamp(Vec3::splat(-MAX_RADIANCE), Vec3::splat(MAX_RADIANCE)).to_array();

@@ -2,8 +2,8 @@
 //! but several samples a pixel show them.
 //!
 //! Anti-aliasing adds no ray. They get the colours that the plain picture, of one sample at each pixel's centre, has at the
-//! nearest pixel of their object; where it has none near, that of the pixel itself, which no anti-aliasing would change. So do
-//! faces that are traced beside the mesh, and those that are blended, along their edges.
+//! nearest pixel of their object; where it has none near, they are not drawn. So do faces that are traced beside the mesh, and
+//! those that are blended, along their edges. What was traced of that picture is known; only the rest of it has to be drawn.
 
 use std::mem;
 use std::ops::Range;
@@ -20,11 +20,11 @@ use super::vertex::{Attributes, VertexLayout};
 use crate::constants::LEAF_TRACED;
 use crate::pixels::HalfRadiance;
 use crate::pixels::direct::Direct;
+use crate::pixels::leaves::TracedPixel;
 use crate::pixels::picture::Picture;
 use crate::pixels::veils::Veils;
 use crate::refine::footprint::{Footprint, TOUCHED};
 use crate::refine::mesh::Mesh;
-use crate::report::image::FloatImage;
 use crate::scene::frustum::{Frustum, Overlap};
 use crate::scene::mesh::meet_plane;
 use crate::scene::{AlphaMode, Object, Scene, View};
@@ -61,14 +61,23 @@ pub struct Search<'a> {
     pub veils: &'a Veils,
     /// The pixels of both.
     pub picture: &'a Picture,
+    /// Those of leaves.
+    pub traced: &'a [TracedPixel],
 }
 
 /// Such faces, and where their colours come from.
 #[derive(Debug, Default)]
 pub struct Between {
-    /// Their corners, and the block that each reads.
+    /// Their corners, and the first texel of the block that each reads.
     faces: Vec<([Vec3; 3], u32)>,
-    blocks: Vec<Sources>,
+    /// These blocks, in which colours that were traced are.
+    texels: Vec<Texel>,
+    /// Cells, two a texel, that get colours of the plain picture.
+    plain_cells: Vec<u32>,
+    /// Which pixel's each gets.
+    plain_pixels: Vec<u32>,
+    /// By pixel: what was traced there, or nothing.
+    known: Vec<HalfRadiance>,
     /// Whether they take the place of the picture beside the mesh: its edges are smooth, then.
     pub replaces_picture: bool,
     /// How many of `faces`, the first ones, the frustum does not clip.
@@ -94,15 +103,17 @@ impl Between {
         self.faces.is_empty()
     }
 
-    /// Those of a view, and the `rest` of traced leaves.
-    pub fn find(search: &Search, rest: Vec<([Vec3; 3], Sources)>) -> Self {
+    /// Pixels of the plain picture whose colours are drawn.
+    pub fn plain_pixels(&self) -> &[u32] {
+        &self.plain_pixels
+    }
+
+    /// Those of a view.
+    pub fn find(search: &Search) -> Self {
         let Search { view, picture, .. } = *search;
-        let mut between = Self { replaces_picture: !picture.pixels.is_empty(), ..Self::default() };
+        let replaces_picture = !picture.pixels.is_empty();
+        let mut between = Self { replaces_picture, known: search.known(), ..Self::default() };
         let in_picture = search.in_picture();
-        for (corners, sources) in rest {
-            between.faces.push((corners, between.blocks.len() as u32));
-            between.blocks.push(sources);
-        }
         let mut room = MOST_FRAMES * view.pixels();
         let mut shared = None;
         for (object, faces) in
@@ -112,55 +123,69 @@ impl Between {
                 faces.par_iter().map(|&corners| Footprint::of(view, corners)).collect();
             let around = around(&footprints);
             let size = around[0].len() * around[1].len();
-            let number = if size <= room {
+            let block = if size <= room {
                 room -= size;
-                between.blocks.push(search.sources(&footprints, around, |x, y| search.shows(object, x, y)));
-                between.blocks.len() as u32 - 1
+                let shows = |x, y| search.shows(object, x, y);
+                between.append(&search.sources(&footprints, around, shows))
             } else {
                 // So many large objects share one in which all pixels keep their own colour.
-                *shared.get_or_insert_with(|| {
-                    between.blocks.push(own(view, |_| true));
-                    between.blocks.len() as u32 - 1
-                })
+                *shared.get_or_insert_with(|| between.append(&own(view, |_| true)))
             };
-            between.faces.extend(faces.into_iter().map(|corners| (corners, number)));
+            between.faces.extend(faces.into_iter().map(|corners| (corners, block)));
         }
         let veils = search.of_veils();
         if !veils.is_empty() {
             let footprints: Vec<Footprint> =
                 veils.par_iter().map(|&corners| Footprint::of(view, corners)).collect();
             let is_veiled = |x: u32, y: u32| search.veils.covers(y * view.width + x);
-            between.faces.extend(veils.into_iter().map(|corners| (corners, between.blocks.len() as u32)));
-            between.blocks.push(search.sources(&footprints, around(&footprints), is_veiled));
+            let block = between.append(&search.sources(&footprints, around(&footprints), is_veiled));
+            between.faces.extend(veils.into_iter().map(|corners| (corners, block)));
         }
         if let Some(quad) = Quad::new(view, picture).filter(|_| !in_picture.is_empty()) {
-            between.faces.extend(quad.triangles().map(|corners| (corners, between.blocks.len() as u32)));
-            between.blocks.push(own(view, |pixel| in_picture[pixel as usize]));
+            let block = between.append(&own(view, |pixel| in_picture[pixel as usize]));
+            between.faces.extend(quad.triangles().map(|corners| (corners, block)));
         }
-        let frustum = Frustum::new(&view.clip_from_eye_relative(), view.eye);
-        let (inside, cut): (Vec<_>, Vec<_>) = mem::take(&mut between.faces)
-            .into_par_iter()
-            .partition(|(corners, _)| frustum.of_points(*corners) == Overlap::Inside);
-        between.inside = inside.len();
-        between.faces = inside;
-        between.faces.extend(cut);
         between
     }
 
-    /// What is drawn of them, in the colours of the `plain` picture.
-    pub fn leaves(&self, layout: VertexLayout, plain: &FloatImage) -> BetweenLeaves {
-        let mut starts = Vec::with_capacity(self.blocks.len());
-        let mut texels: Vec<Texel> = Vec::new();
-        for block in &self.blocks {
-            let Sources { columns, rows, pixels } = block;
-            starts.push(texels.len() as u32);
-            texels.push([columns.start, rows.start, columns.len() as u32, rows.len() as u32]);
-            let first = texels.len();
-            texels.resize(first + pixels.len().div_ceil(2), Texel::default());
-            for (cell, &source) in pixels.iter().enumerate().filter(|(_, source)| **source != UNTOUCHED) {
-                let radiance = Vec3::from(plain.pixels[source as usize]);
-                blocks::put(&mut texels[first..], cell, HalfRadiance::from(radiance));
+    /// Adds the `rest` of traced leaves: there is nothing else, then.
+    pub fn complete(&mut self, view: &View, rest: Vec<([Vec3; 3], Sources)>) {
+        for (corners, sources) in rest {
+            let block = self.append(&sources);
+            self.faces.push((corners, block));
+        }
+        self.known = Vec::new();
+        let frustum = Frustum::new(&view.clip_from_eye_relative(), view.eye);
+        let (inside, cut): (Vec<_>, Vec<_>) = mem::take(&mut self.faces)
+            .into_par_iter()
+            .partition(|(corners, _)| frustum.of_points(*corners) == Overlap::Inside);
+        self.inside = inside.len();
+        self.faces = inside;
+        self.faces.extend(cut);
+    }
+
+    /// Appends a block; its first texel.
+    fn append(&mut self, Sources { columns, rows, pixels }: &Sources) -> u32 {
+        let head = self.texels.len();
+        self.texels.push([columns.start, rows.start, columns.len() as u32, rows.len() as u32]);
+        let first = self.texels.len();
+        self.texels.resize(first + pixels.len().div_ceil(2), Texel::default());
+        for (cell, &source) in pixels.iter().enumerate().filter(|(_, source)| **source != UNTOUCHED) {
+            match self.known[source as usize] {
+                HalfRadiance::NONE => {
+                    self.plain_cells.push((2 * first + cell) as u32);
+                    self.plain_pixels.push(source);
+                }
+                radiance => blocks::put(&mut self.texels[first..], cell, radiance),
             }
+        }
+        head as u32
+    }
+
+    /// What is drawn of them, with the colours of the [pixels](Self::plain_pixels) of the plain picture.
+    pub fn leaves(mut self, layout: VertexLayout, plain: &[Vec3]) -> BetweenLeaves {
+        for (&cell, &radiance) in self.plain_cells.iter().zip(plain) {
+            blocks::put(&mut self.texels, cell as usize, HalfRadiance::from(radiance));
         }
         let vertices = layout.pack(3 * self.faces.len(), |index| Attributes {
             position: self.faces[index / 3].0[index % 3],
@@ -168,16 +193,29 @@ impl Between {
         });
         let leaf = |(index, &(_, block)): (u32, &([Vec3; 3], u32))| GpuLeaf {
             vertices: [3 * index, 3 * index + 1, 3 * index + 2],
-            nodes: starts[block as usize],
+            nodes: block,
             flags: LEAF_TRACED,
             ..GpuLeaf::zeroed()
         };
         let leaves = (0..).zip(&self.faces).map(leaf).collect();
-        BetweenLeaves { vertices, leaves, texels, inside: self.inside as u32 }
+        BetweenLeaves { vertices, leaves, texels: self.texels, inside: self.inside as u32 }
     }
 }
 
 impl Search<'_> {
+    /// By pixel: what was traced there, or nothing.
+    fn known(&self) -> Vec<HalfRadiance> {
+        let mut known = vec![HalfRadiance::NONE; self.view.pixels()];
+        for pixel in self.traced {
+            known[pixel.index as usize] = pixel.radiance;
+        }
+        // It lies before them.
+        for pixel in &self.picture.pixels {
+            known[pixel.index as usize] = pixel.radiance;
+        }
+        known
+    }
+
     /// By pixel: whether faces left out of the mesh show all over it, as far as the centres around it tell; empty without any.
     fn in_picture(&self) -> Vec<bool> {
         let Search { scene, view, found, picture, .. } = *self;
@@ -327,8 +365,11 @@ impl Search<'_> {
                     return UNTOUCHED;
                 }
                 let (x, y) = (left + (cell % across) as u32, top + (cell / across) as u32);
-                let (x, y) = blocks::nearest(view, (x, y), &shows).unwrap_or((x, y));
-                y * view.width + x
+                match blocks::nearest(view, (x, y), &shows) {
+                    Some((x, y)) => y * view.width + x,
+                    None if self.found.ids.is_some() => UNTOUCHED,
+                    None => y * view.width + x,
+                }
             })
             .collect();
         Sources { columns, rows, pixels }

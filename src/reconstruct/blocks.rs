@@ -13,6 +13,12 @@ use crate::refine::mesh::Mesh;
 use crate::scene::{Scene, View};
 use crate::visibility::IdImage;
 
+/// Cosine of the angle up to which two faces are taken for parts of a plane.
+const FLAT: f32 = 0.99999;
+
+/// A leaf is wide if one of so many pixels that it reaches into is its own.
+const WIDE: usize = 3;
+
 /// No traced pixel.
 const NONE: u32 = u32::MAX;
 
@@ -47,6 +53,19 @@ enum Cell {
     Traced(HalfRadiance),
     /// From the plain picture.
     Plain(u32),
+    /// Nowhere: what lies behind shows, or before.
+    Hidden,
+}
+
+/// A leaf's block as several samples a pixel show it.
+#[derive(Default)]
+pub struct SmoothBlock {
+    /// Whether it has any colour.
+    pub has_color: bool,
+    /// What gets colours of the plain picture, if anything does.
+    pub rest: Option<Sources>,
+    /// Whether some of it is not drawn.
+    pub hides: bool,
 }
 
 /// Traced pixels, and where they are.
@@ -82,6 +101,8 @@ struct Leaf<'a> {
     footprint: Footprint,
     /// Its traced pixels.
     own: &'a [TracedPixel],
+    /// Whether these are many of those that it reaches into.
+    is_wide: bool,
 }
 
 impl<'a> Blocks<'a> {
@@ -118,11 +139,11 @@ impl<'a> Blocks<'a> {
         })
     }
 
-    /// The same for several samples a pixel: what only some of them show gets colours that pixels' centres have, too. Which
-    /// these are where they were not traced is the second value; the first, whether the block has any colour.
-    pub fn append_smooth(&self, face: u32, texels: &mut Vec<Texel>) -> (bool, Option<Sources>) {
+    /// The same for several samples a pixel: what only some of them show gets colours that pixels' centres have, too, of the
+    /// plain picture where these were not traced.
+    pub fn append_smooth(&self, face: u32, texels: &mut Vec<Texel>) -> SmoothBlock {
         let leaf = self.leaf(face);
-        let mut rest: Option<Sources> = None;
+        let (mut rest, mut hides): (Option<Sources>, _) = (None, false);
         let Footprint { columns, rows, .. } = leaf.footprint.clone();
         let appended = self.append_cells(&leaf, texels, |leaf, x, y| match self.cell_of(leaf, x, y) {
             Cell::Traced(radiance) => Some(Some(radiance)),
@@ -136,8 +157,12 @@ impl<'a> Blocks<'a> {
                 rest.pixels[cell] = pixel;
                 Some(None)
             }
+            Cell::Hidden => {
+                hides = true;
+                Some(None)
+            }
         });
-        (appended.is_some(), rest)
+        SmoothBlock { has_color: appended.is_some(), rest, hides }
     }
 
     /// Whether no pixel's centre shows leaf `face`; false where it is not known what they show.
@@ -149,12 +174,11 @@ impl<'a> Blocks<'a> {
     }
 
     fn leaf(&self, face: u32) -> Leaf<'_> {
-        Leaf {
-            face,
-            base: self.mesh.faces[face as usize].base,
-            footprint: Footprint::new(self.mesh, self.view, face),
-            own: self.by_face.get(&face).map_or(&[], |range| &self.traced[range.clone()]),
-        }
+        let footprint = Footprint::new(self.mesh, self.view, face);
+        let own = self.by_face.get(&face).map_or(&[][..], |range| &self.traced[range.clone()]);
+        let touched: usize = footprint.rows.clone().map(|y| footprint.span(y, TOUCHED).len()).sum();
+        let is_wide = WIDE * own.len() >= touched;
+        Leaf { face, base: self.mesh.faces[face as usize].base, footprint, own, is_wide }
     }
 
     fn append_cells<'s>(
@@ -196,14 +220,16 @@ impl<'a> Blocks<'a> {
     }
 
     /// What several samples of a pixel show of `leaf`. Where the surface continues to what is seen at the centre that has the
-    /// whole pixel's colour, as without them: a colour from beside it would be spread.
+    /// whole pixel's colour, as without them: a colour from beside it would be spread. Where it turns and both were traced, it
+    /// mixes with that of a wide leaf's own pixel, which is nearer to the mean.
     fn cell_of(&self, leaf: &Leaf, x: u32, y: u32) -> Cell {
         let traced = self.at(x, y);
         let seen = self.ids.and_then(|ids| ids.face(x, y));
-        if let Some(base) = traced.map(|pixel| self.mesh.faces[pixel.face as usize].base).or(seen)
-            && self.continues(leaf.base, base)
-        {
-            return traced.map_or(Cell::Plain(y * self.view.width + x), |pixel| Cell::Traced(pixel.radiance));
+        let traced_base = traced.map(|pixel| self.mesh.faces[pixel.face as usize].base);
+        let continues = traced_base.or(seen).is_some_and(|base| self.continues(leaf.base, base));
+        let mixes = || leaf.is_wide && traced_base.is_some_and(|base| self.turns(leaf.base, base));
+        if continues && !mixes() {
+            return self.plain(x, y);
         }
         // Farther than beside it a narrow leaf shows something else.
         let mut beside = AROUND
@@ -212,13 +238,45 @@ impl<'a> Blocks<'a> {
         if let Some(pixel) = beside.find(|pixel| pixel.face == leaf.face) {
             return Cell::Traced(pixel.radiance);
         }
+        if continues {
+            return self.plain(x, y);
+        }
+        if self.ids.is_none() {
+            return self.plain(x, y);
+        }
+        if self.is_hidden(leaf, x, y) {
+            return Cell::Hidden;
+        }
         let objects = &self.scene.geometry.face_objects;
         let shows = |x: u32, y: u32| {
             let face = self.ids.and_then(|ids| ids.face(x, y));
             face.is_some_and(|face| objects[face as usize] == objects[leaf.base as usize])
         };
-        let (x, y) = nearest(self.view, (x, y), shows).unwrap_or((x, y));
-        Cell::Plain(y * self.view.width + x)
+        nearest(self.view, (x, y), shows).map_or(Cell::Hidden, |(x, y)| self.plain(x, y))
+    }
+
+    /// The plain picture's colour of a pixel: what was traced there is known without drawing it.
+    fn plain(&self, x: u32, y: u32) -> Cell {
+        let pixel = y * self.view.width + x;
+        self.at(x, y).map_or(Cell::Plain(pixel), |pixel| Cell::Traced(pixel.radiance))
+    }
+
+    /// Whether other faces lie before `leaf` all over a pixel that it covers, as far as the centres around it tell.
+    fn is_hidden(&self, leaf: &Leaf, x: u32, y: u32) -> bool {
+        let shows = |x: u32, y: u32| {
+            self.ids.and_then(|ids| ids.face(x, y)).is_some_and(|face| self.continues(leaf.base, face))
+        };
+        leaf.footprint.inside(x, y) > TOUCHED
+            && !AROUND.iter().any(|&(dx, dy)| {
+                let (x, y) = (x.wrapping_add_signed(dx), y.wrapping_add_signed(dy));
+                x < self.view.width && y < self.view.height && shows(x, y)
+            })
+    }
+
+    /// Whether two faces of the scene lie in different planes.
+    fn turns(&self, one: u32, other: u32) -> bool {
+        let normal = |face: u32| self.scene.geometry.area_normal(face).normalize_or_zero();
+        one != other && normal(one).dot(normal(other)) < FLAT
     }
 
     /// Whether two faces of the scene are parts of one smooth surface, as far as their normals tell.

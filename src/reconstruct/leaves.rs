@@ -7,7 +7,7 @@ use glam::Vec3;
 use rayon::prelude::*;
 
 use super::beside::Borders;
-use super::blocks::{Blocks, Pixels, Sources};
+use super::blocks::{Blocks, Pixels, SmoothBlock, Sources};
 use super::nodes::{Corner, LeafNodes, Matcher};
 use super::picture::Quad;
 use super::table::{Texel, floats};
@@ -332,14 +332,14 @@ impl Stage<'_> {
 
     /// The same in the colours that several samples of a pixel show of it.
     fn append_smooth(&self, Subject { face, leaf, cut, .. }: Subject, piece: &mut Piece) -> bool {
-        let (has_color, rest) = self.blocks.append_smooth(face, &mut piece.texels);
+        let SmoothBlock { has_color, rest, hides } = self.blocks.append_smooth(face, &mut piece.texels);
         let has_rest = rest.is_some();
         let corners = leaf.vertices.map(|vertex| self.mesh.position(vertex));
         piece.rest.extend(rest.map(|rest| (corners, rest)));
         if has_color {
             piece.leaves.push((Group::traced(cut), GpuLeaf { flags: LEAF_TRACED, ..leaf }));
         }
-        has_color || has_rest
+        has_color || has_rest || hides
     }
 
     /// Appends a leaf in what its corners' samples show; whether these share all paths.

@@ -54,7 +54,7 @@ pub use background::clear_color;
 pub use describe::{BaseDraw, BaseFaces, ColorPass, Drawing, PassOptions, color_passes};
 use list::LeafList;
 use pipelines::{PipelineKey, leaf_key};
-use plain::Between;
+use plain::{Between, Tile};
 use target::Target;
 pub use target::TargetDesc;
 
@@ -94,8 +94,9 @@ pub struct Painter {
     target: Option<Target>,
     /// That of the plain picture.
     plain_target: Option<Target>,
-    /// Whether it is drawn now.
-    is_plain: bool,
+    /// While it is drawn: where.
+    plain_tiles: Option<Vec<Tile>>,
+    plain_opening: Option<GraphicsPipeline>,
     /// Coverage samples a pixel of what is drawn now.
     samples: u32,
     between: Option<Between>,
@@ -169,7 +170,8 @@ impl Painter {
             fresh_base: None,
             target: None,
             plain_target: None,
-            is_plain: false,
+            plain_tiles: None,
+            plain_opening: None,
             between: None,
             touch_only: false,
             ring: None,
@@ -243,6 +245,8 @@ impl Painter {
             samples,
             between,
             depth_reset,
+            plain_tiles,
+            plain_opening,
             panoramas,
             commands,
             uploads,
@@ -282,6 +286,11 @@ impl Painter {
         if let Some(pipeline) = depth_reset {
             target.reset_depth(&mut recording, pipeline);
         }
+        let tiles = plain_tiles.as_ref().filter(|_| !*touch_only);
+        let opened = plain_opening.as_ref().zip(tiles).map(|(pipeline, tiles)| {
+            target.render(&mut recording, Some(options.clear()), |_| {});
+            target.open(&mut recording, pipeline, tiles);
+        });
         for (index, &pass) in passes.iter().enumerate() {
             let with_base = index == 0 && !options.single_pass;
             let of_leaves = draws.iter().filter(|draw| drawn(index, draw.group.kind));
@@ -291,7 +300,8 @@ impl Painter {
                 of_leaves.clone().count() + opaque.count() + of_between.map_or(0, |b| b.draws().count());
             drawings.push(Drawing { name: pass.name, ms: 0.0, draws: count as u32 });
             recording.timed(pass.name, |recording| {
-                target.render(recording, with_base.then(|| options.clear()), |commands| {
+                let clear = with_base && opened.is_none();
+                target.render(recording, clear.then(|| options.clear()), |commands| {
                     limit(commands);
                     if let Some(list) = dynamic {
                         // The first pass shows the last of leaves that lie on one another; of later passes it is the first.
@@ -437,7 +447,7 @@ impl Painter {
             halvings,
             samples: self.samples,
             depth: self.depth_format(),
-            is_plain: self.is_plain,
+            is_plain: self.plain_tiles.is_some(),
         }
     }
 

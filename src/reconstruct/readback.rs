@@ -2,6 +2,8 @@
 
 use std::sync::{Arc, Mutex, PoisonError};
 
+use glam::Vec3;
+
 use crate::error::Result;
 use crate::gpu::{Commands, Gpu, Image, ReadbackBuffer, ReadbackChoice};
 use crate::memory;
@@ -90,6 +92,38 @@ pub fn read_in_bands(
         top = rows.end;
     }
     Ok(FloatImage { width, height, pixels })
+}
+
+/// The linear colours of these `pixels`, y · width + x, of `color`, four halves a pixel: copies the bands that hold any, of as
+/// many rows as `staging` has room for, one at least.
+///
+/// # Errors
+/// A lost device.
+pub fn read_pixels(
+    commands: &mut Commands,
+    color: &Image,
+    pixels: &[u32],
+    staging: &mut ReadbackBuffer,
+) -> Result<Vec<Vec3>> {
+    let (width, height) = (color.width(), color.height());
+    let at_once = (staging.size() / color.row_bytes()).max(1) as u32;
+    let mut colors = vec![Vec3::ZERO; pixels.len()];
+    for top in (0..height).step_by(at_once as usize) {
+        let rows = top..height.min(top + at_once);
+        let band = width * rows.start..width * rows.end;
+        if !pixels.iter().any(|pixel| band.contains(pixel)) {
+            continue;
+        }
+        let mut recording = commands.begin()?;
+        recording.read_rows(color, rows.clone(), staging);
+        recording.submit_and_wait()?;
+        let halves: &[[half::f16; 4]] = staging.read(width as usize * rows.len())?;
+        for (color, pixel) in colors.iter_mut().zip(pixels).filter(|(_, pixel)| band.contains(pixel)) {
+            let [r, g, b, _] = halves[(pixel - band.start) as usize].map(half::f16::to_f32);
+            *color = Vec3::new(r, g, b);
+        }
+    }
+    Ok(colors)
 }
 
 /// The first `count` pixels, of four halves each, that were copied to `staging`.
