@@ -30,6 +30,9 @@ const UNSEEN: f32 = 0.0005;
 /// and something, so that a smaller one looks further, and one of 0 everywhere.
 const UNEXPLORED: f32 = 1.5e-7;
 
+/// Part of that where the guard has looked, and found nothing: what hides from it is rare.
+const SURE: f32 = 0.2;
+
 /// Bounces up to which that holds, and the least throughput of paths of more.
 const FEW_BOUNCES: u8 = 2;
 const SEEN: f32 = 0.1;
@@ -79,6 +82,18 @@ const KNOWN_SHIFT: f32 = 1e-2;
 /// the target and its lights: nor does anything for the halves, whose shafts lie within. As many as there is room for.
 pub(super) type Clear = [Option<(u32, TargetId)>; 2];
 
+/// What stands between the corners of a face, as far as its shafts are looked into.
+#[derive(Debug, Clone, Copy, Default)]
+struct Guarded {
+    /// Squared contribution of the paths that meet what no corner tells, and of those of few bounces that seem to be known
+    /// although something stands between them or before their light.
+    square: f32,
+    /// The shafts that are clear.
+    clear: Clear,
+    /// Whether all are.
+    sure: bool,
+}
+
 /// What a half takes over.
 #[derive(Debug, Clone, Copy, Default)]
 pub(super) struct Inherited {
@@ -107,6 +122,8 @@ pub(super) struct State {
     pub even: u32,
     /// Longest edge in pixels.
     pub size: f32,
+    /// Whether all shafts from it, and from it and what it sees to lights, are clear.
+    pub sure: bool,
     /// Whether its samples say too little of it, unless its pixels are traced.
     pub blind: bool,
     /// Whether, if so, it is looked into before others: it is a large part of the picture, or bent all over.
@@ -148,7 +165,7 @@ impl Refiner<'_> {
                 let corners = self.mesh.faces[face as usize].corners.map(|v| self.corner(v));
                 let shown = size * self.stretch(face);
                 let mut rays = Rays::default();
-                let (entered, clear) = self.guarded(face, corners, clear, &mut rays);
+                let Guarded { square: entered, clear, sure } = self.guarded(face, corners, clear, &mut rays);
                 let hidden = self.lights_behind(face);
                 let (shadowed, even) = match self.predictor.shaft_guard && predict::curvature(corners) <= FLAT
                 {
@@ -164,6 +181,7 @@ impl Refiner<'_> {
                     pixels,
                     whole,
                     size,
+                    sure: sure && Self::is_lit_throughout(corners, even, hidden),
                     urgent: shown > self.reach() || self.is_mapped(face),
                     blind: self.is_mapped(face)
                         || self.is_curved(face, corners, CURVED)
@@ -243,36 +261,37 @@ impl Refiner<'_> {
 
     /// The same for what they do not say: in proportion to its size, for what hides between samples is as large at most.
     fn unseen(&self, face: u32) -> f32 {
-        let State { size, pixels, blind, traced, .. } = self.state[face as usize];
+        let State { size, pixels, sure, blind, traced, .. } = self.state[face as usize];
         let share = (size / self.reach()).min(1.0);
         match blind {
             _ if pixels == 0.0 || traced => 0.0,
             true if self.is_mapped(face) => EXPLORE,
             true => UNSEEN * share,
+            false if sure => SURE * UNEXPLORED * share,
             false => UNEXPLORED * share,
         }
     }
 
-    /// Squared contribution of the paths that meet what no corner tells, and of those of few bounces that seem to be known
-    /// although something stands between them or before their light; and the shafts that are clear: `known` are those of the
-    /// face that this one is half of.
-    fn guarded(&self, face: u32, corners: [Corner; 3], known: Clear, rays: &mut Rays) -> (f32, Clear) {
-        let (mut square, mut clear) = (0.0, Clear::default());
+    /// What stands between the corners of a face, or before the lights of what they see; `known` are the clear shafts of the face
+    /// that this one is half of.
+    fn guarded(&self, face: u32, corners: [Corner; 3], known: Clear, rays: &mut Rays) -> Guarded {
+        let Guarded { mut square, mut clear, .. } = Guarded::default();
         if !self.predictor.shaft_guard {
-            return (square, clear);
+            return Guarded::default();
         }
         square += self.predictor.untold(corners);
         if corners.iter().all(|corner| corner.sample.nodes.is_empty()) && self.is_specular_between(face) {
             square += SPECULAR_BETWEEN;
         }
         if predict::curvature(corners) > FLAT {
-            return (square, clear);
+            return Guarded { square, ..Guarded::default() };
         }
         let base = self.mesh.faces[face as usize].base;
         let own = self.context.tracer.scene().geometry.face_objects[base as usize];
         let entered = |nodes: [&Node; 3], followed: bool, seen: f32| {
             guard::entered(self.context, own, nodes, followed, [seen, NEGLIGIBLE], self.brightest)
         };
+        let mut sure = 0;
         for (nodes, followed) in
             self.predictor.shared(corners).filter(|(nodes, _)| nodes[0].bounces <= LOOKED_INTO)
         {
@@ -296,11 +315,22 @@ impl Refiner<'_> {
             } else if shaft.is_some() && !within && seen >= NEGLIGIBLE && guard::shadowed(self.context, nodes)
             {
                 square += seen;
-            } else if let Some(room) = clear.iter_mut().find(|room| room.is_none()) {
-                *room = shaft;
+            } else if shaft.is_some() {
+                sure += usize::from(nodes.iter().all(|node| node.lit == shade::ALL_LIT));
+                if let Some(room) = clear.iter_mut().find(|room| room.is_none()) {
+                    *room = shaft;
+                }
             }
         }
-        (square, clear)
+        let sure = square == 0.0 && corners.iter().all(|corner| corner.sample.nodes.len() == sure);
+        Guarded { square, clear, sure }
+    }
+
+    /// Whether no shadow falls on a flat face that hides the lights `hidden` itself, and on which those of the lights `even` have
+    /// no border between its corners.
+    fn is_lit_throughout(corners: [Corner; 3], even: u32, hidden: u32) -> bool {
+        let lit = corners.iter().fold(shade::ALL_LIT, |lit, corner| lit & corner.sample.primary.lit);
+        lit & even | hidden == shade::ALL_LIT
     }
 
     /// Lights that the face hides itself.
