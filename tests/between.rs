@@ -356,6 +356,8 @@ fn shadows_between_corners_that_are_lit_alike_are_found() {
         for eye in [vec3(-2.3, 1.9, 3.2), vec3(1.3, 1.4, 2.6), vec3(3.1, 2.2, -0.7)] {
             scene.cameras = vec![Camera::look_at(eye, vec3(0.1, 0.0, -0.3), 0.9)];
             let mut options = options(320, 256);
+            // With a smaller one, faces that the guard does not look into are looked into as all are.
+            options.effort.error = Some(2.0);
             worst = worst.max(wrong(&gpu, &scene, &options));
             options.effort.shaft_guard = false;
             unlooked = unlooked.max(wrong(&gpu, &scene, &options));
