@@ -283,13 +283,8 @@ impl Ladder {
     }
 }
 
-/// The effort of a frame of no more than `samples`, spared, whatever its error; `None` is the preview.
+/// The effort of a frame of no more than `samples`, whatever its error; `None` is the preview. Not sparing, for time counts.
 pub fn effort(samples: Option<u64>) -> EffortOptions {
     let is_preview = samples.is_none();
-    EffortOptions {
-        preview: is_preview,
-        max_samples: samples,
-        sparing: !is_preview,
-        ..EffortOptions::default()
-    }
+    EffortOptions { preview: is_preview, max_samples: samples, ..EffortOptions::default() }
 }
