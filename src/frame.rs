@@ -226,6 +226,7 @@ impl<'s> Renderer<'s> {
     fn touch(&mut self, view: &View) -> Result<()> {
         let effort = self.options.effort.clone();
         let samples = effort.max_samples.map_or(WARM_UP_SAMPLES, |most| most.min(WARM_UP_SAMPLES));
+        // Sparing keeps small faces in the mesh: leaves are what pipelines are compiled for.
         self.options.effort =
             EffortOptions { max_samples: Some(samples), sparing: true, budget: None, ..effort.clone() };
         let kept = self.samples.take();

@@ -254,7 +254,8 @@ fn light_beside_shadows_at_the_rim_of_a_mirror_in_a_mirror_is_found() {
     builder.camera(Camera::look_at(vec3(0.0, 0.65, 2.0), vec3(0.0, 0.65, 0.0), 0.61));
     let scene = builder.build().unwrap();
     let mut options = options(320, 256);
-    options.effort.error = Some(0.1);
+    // With a smaller one it is found, too, where nothing is predicted.
+    options.effort.error = Some(2.0);
     let wrong = wrong(&gpu, &scene, &options);
     assert!(wrong < 30, "{wrong} pixels are wrong");
     gpu.finish();

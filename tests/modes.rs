@@ -485,6 +485,7 @@ fn passes_show_one_of_coincident_faces() {
             let shown = |mode| {
                 let mut options = options(mode, Equation::Three, reconstruction);
                 options.method.visibility = visibility;
+                // While no leaf is traced: where some are, passes may still show another than the one pass does.
                 options.effort.sparing = true;
                 gpu.render(&scene, &options).image
             };

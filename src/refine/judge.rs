@@ -26,8 +26,8 @@ const BLIND: f32 = 0.1;
 /// predictions of demo scenes at few samples have it (tests/effort.rs).
 const UNSEEN: f32 = 0.0005;
 
-/// The same of a face whose samples are trusted: little enough for the default `--error` to stand hardly above what is known,
-/// and something, so that a smaller one looks further, and one of 0 everywhere.
+/// The same of a face whose samples are trusted: so little that hardly more is traced at the default `--error`, and something,
+/// so that a smaller one looks further, and one of 0 everywhere (docs/samples.md).
 const UNEXPLORED: f32 = 1.5e-7;
 
 /// Part of that where the guard has looked, and found nothing: what hides from it is rare.
@@ -275,11 +275,10 @@ impl Refiner<'_> {
     /// What stands between the corners of a face, or before the lights of what they see; `known` are the clear shafts of the face
     /// that this one is half of.
     fn guarded(&self, face: u32, corners: [Corner; 3], known: Clear, rays: &mut Rays) -> Guarded {
-        let Guarded { mut square, mut clear, .. } = Guarded::default();
         if !self.predictor.shaft_guard {
             return Guarded::default();
         }
-        square += self.predictor.untold(corners);
+        let (mut square, mut clear) = (self.predictor.untold(corners), Clear::default());
         if corners.iter().all(|corner| corner.sample.nodes.is_empty()) && self.is_specular_between(face) {
             square += SPECULAR_BETWEEN;
         }
@@ -291,7 +290,7 @@ impl Refiner<'_> {
         let entered = |nodes: [&Node; 3], followed: bool, seen: f32| {
             guard::entered(self.context, own, nodes, followed, [seen, NEGLIGIBLE], self.brightest)
         };
-        let mut sure = 0;
+        let mut found_clear = 0;
         for (nodes, followed) in
             self.predictor.shared(corners).filter(|(nodes, _)| nodes[0].bounces <= LOOKED_INTO)
         {
@@ -316,13 +315,13 @@ impl Refiner<'_> {
             {
                 square += seen;
             } else if shaft.is_some() {
-                sure += usize::from(nodes.iter().all(|node| node.lit == shade::ALL_LIT));
+                found_clear += usize::from(nodes.iter().all(|node| node.lit == shade::ALL_LIT));
                 if let Some(room) = clear.iter_mut().find(|room| room.is_none()) {
                     *room = shaft;
                 }
             }
         }
-        let sure = square == 0.0 && corners.iter().all(|corner| corner.sample.nodes.len() == sure);
+        let sure = square == 0.0 && corners.iter().all(|corner| corner.sample.nodes.len() == found_clear);
         Guarded { square, clear, sure }
     }
 

@@ -11,6 +11,7 @@ pub mod guard;
 mod judge;
 pub mod mesh;
 pub mod predict;
+mod preview;
 pub mod reserve;
 pub mod samples;
 pub mod shape;
@@ -28,7 +29,6 @@ use rayon::prelude::*;
 
 use self::borders::Crossing;
 use self::dense::Dense;
-use self::footprint::Footprint;
 use self::judge::{Inherited, State};
 use self::mesh::{Mesh, Split};
 use self::predict::{Corner, Deviation, Predictor};
@@ -37,7 +37,6 @@ use self::samples::Samples;
 use self::shown::Shown;
 use self::store::SampleStore;
 use crate::options::{EffortOptions, Reconstruction};
-use crate::scene::View;
 use crate::trace::sample::Context;
 use crate::trace::{Rays, shade};
 
@@ -56,9 +55,6 @@ const RECEIVER_STOP_SIZES: [f32; 2] = [8.0, 16.0];
 /// The same where samples are [spared](EffortOptions::sparing) and few: more of a small face's pixels are defined by its
 /// halves.
 pub const SPARING_STOP_SIZE: f32 = 4.0;
-
-/// Longest edge of a face that the preview shows, as a share of the image's longer side.
-const PREVIEW_SHARE: f32 = 0.08;
 
 /// Samples for each pixel of the refined faces below which they are few.
 const FEW: f64 = 0.5;
@@ -395,42 +391,6 @@ impl<'a> Refiner<'a> {
         }
         self.steps += 1;
         true
-    }
-
-    /// Bisects the large faces until none is left, or `effort`'s samples are spent, half of them where they are spared, so that
-    /// the preview shows what they show: corners of a mirror that are hidden in its frame say nothing of it, and corners of a
-    /// floor nothing of the shadows on it.
-    pub fn open_large(&mut self, effort: &EffortOptions) {
-        if self.predictor.reconstruction == Reconstruction::Paper {
-            return;
-        }
-        let half = effort.spared_samples().map(|most| most / 2);
-        let most_samples = half.or(effort.max_samples).unwrap_or(u64::MAX);
-        let View { width, height, .. } = *self.context.view;
-        let longest = PREVIEW_SHARE * width.max(height) as f32;
-        loop {
-            let is_large = |&face: &u32| {
-                let State { size, pixels, traced, .. } = self.state[face as usize];
-                size > longest && pixels > 0.0 && !traced && self.is_in_frame(face)
-            };
-            let large: Vec<u32> = self.mesh.leaves().filter(is_large).collect();
-            if large.is_empty() || self.cost() >= most_samples {
-                return;
-            }
-            let mut splits = Vec::new();
-            for face in large {
-                // It may have been bisected for a neighbour's sake.
-                if self.mesh.faces[face as usize].is_leaf() {
-                    self.mesh.bisect(face, &mut splits);
-                }
-            }
-            self.take(splits);
-        }
-    }
-
-    /// Whether the face reaches into the frame, if no image says it.
-    fn is_in_frame(&self, face: u32) -> bool {
-        self.shown.ids.is_some() || !Footprint::new(&self.mesh, self.context.view, face).is_empty()
     }
 
     /// Traces the new vertices, and judges the halves of what was bisected.

@@ -405,7 +405,7 @@ fn weight(node: &Node, structure: &Structure) -> Vec3 {
 }
 
 /// The same that a shadow takes from it.
-fn hidden(node: &Node, structure: &Structure) -> Vec3 {
+fn shadow_weight(node: &Node, structure: &Structure) -> Vec3 {
     node.throughput * (node.shadowed.textured * structure.mean_square.sqrt() + node.shadowed.added)
 }
 
@@ -426,7 +426,7 @@ fn contribution(node: &Node, structure: &Structure) -> f32 {
 fn contribution_of(nodes: &[Option<&Node>; 3], predictor: &Predictor) -> f32 {
     let square = |node: &Node| {
         let structure = predictor.structure(node.target);
-        mean_square(weight(node, structure)).max(mean_square(hidden(node, structure)))
+        mean_square(weight(node, structure)).max(mean_square(shadow_weight(node, structure)))
     };
     nodes.iter().flatten().map(|node| square(node)).fold(0.0, f32::max)
 }

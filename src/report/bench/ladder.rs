@@ -285,6 +285,5 @@ impl Ladder {
 
 /// The effort of a frame of no more than `samples`, whatever its error; `None` is the preview. Not sparing, for time counts.
 pub fn effort(samples: Option<u64>) -> EffortOptions {
-    let is_preview = samples.is_none();
-    EffortOptions { preview: is_preview, max_samples: samples, ..EffortOptions::default() }
+    EffortOptions { preview: samples.is_none(), max_samples: samples, ..EffortOptions::default() }
 }
